@@ -1,0 +1,3140 @@
+/* rt.h - ray tracing acceleration structures, traversals and shading in one C header.    SPDX-License-Identifier: MIT OR Unlicense
+
+   Triangles, spheres and nested instances; every traversal algorithm returns the same hit, bit for bit, whatever the
+   processor, thread count or compiler flags; closed meshes never leak. C99 and C++11; needs libc and libm only.
+
+   QUICK START
+
+       #define RT_IMPLEMENTATION            // in exactly one C or C++ file
+       #include "rt.h"
+
+       static const float vertices[] = { 0,0,0,  1,0,0,  0,1,0 };
+       rt_geometry geometry = {0};
+       rt_accel *accel;
+       rt_ray ray = { {0.2f, 0.3f, 1}, 0, {0, 0, -1}, 100 };        // org, tmin, dir, tmax
+       rt_hit hit;
+
+       geometry.vertices = vertices;
+       geometry.vertex_count = 3;
+       geometry.triangle_count = 1;
+       if (rt_build(&accel, &geometry, NULL) != RT_OK) return 1;
+       if (rt_intersect(accel, &ray, &hit)) printf("t %g, triangle %u\n", hit.t, hit.prim);
+       rt_free(accel);
+
+   CONTENTS (search for the tag)
+
+       declarations    >>config   >>types     >>status   >>geometry  >>build   >>query   >>shading-api
+       implementation  >>platform >>memory    >>math     >>validate  >>bins    >>bvh     >>refit    >>info
+                       >>ray      >>instance  >>passes   >>algorithms >>public  >>shading
+       one pass a SIMD width (this file includes itself)  >>wide  >>boxes  >>primitives  >>traverse
+       license         >>license
+
+   CONVENTIONS
+
+     t           A hit lies at org + t * dir; dir need not be of unit length. A hit counts when tmin < t < tmax.
+     u, v        Barycentric weights of vertices 1 and 2 (vertex 0 has 1 - u - v); both 0 on spheres.
+     prim        Triangles are numbered first, then spheres, then instances, in the order the caller gave them.
+     closest     The least (t, inst, prim): at equal t the lower inst, then the lower prim wins.
+     triangles   Both sides are hit. A triangle seen exactly edge-on, or without area, is not hit; its neighbours are.
+     spheres     Both walls are hit: from inside, or with tmin behind the front wall, the back wall answers.
+     empty scene Legal: every ray misses.
+     bad rays    A ray that is not finite (tmin and tmax may be infinite), whose org lies outside +-RT_MAX_COORDINATE or
+                 whose largest |dir| component lies outside [RT_MIN_DIRECTION, RT_MAX_DIRECTION] misses. So does
+                 one with tmin >= tmax.
+     rounding    The promise of equal bits is for round-to-nearest. With flush-to-zero set by the program hits stay watertight
+                 and equal among the algorithms.
+
+   LIFETIME AND THREADS
+
+     rt_build copies what queries need (unless opt->reference), so the caller's arrays may go when it returns. An accel that is
+     instanced must outlive the accels that instance it. Queries allocate nothing, cannot fail, and may run on one accel
+     from any number of threads. rt_build, rt_refit and rt_free of one accel are for one thread at a time. The library starts no
+     thread, prints nothing, opens no file, and has no mutable global but the one-time processor check.
+
+   MEMORY
+
+     An accel takes 32 bytes a node (at most 2 n - 1 nodes, about 0.9 n on meshes), 40 bytes a triangle (4 with opt->reference),
+     20 bytes a sphere (4), 128 bytes an instance. While building: 64 bytes a primitive and 64 bytes a primitive for nodes more,
+     all released before rt_build returns. rt_get_info tells what one accel holds.
+
+   MACROS, each defined before the include
+
+       RT_IMPLEMENTATION    emit the code here (one file of the program)
+       RT_STATIC            make every function static to this file
+       RT_MALLOC(n, user), RT_FREE(p, user)   your allocator; user is rt_build_options.memory_user. Both or neither
+       RT_ASSERT(x)         misuse by the programmer; default assert()
+       RT_SELF              the name this file includes itself by; default "rt.h"
+       RT_NO_SIMD           plain C only: 4-wide packets in scalar code; same hits, slower
+       RT_NO_PACKETS        leave out RT_BVH_SIMD
+       RT_NO_SPHERES, RT_NO_INSTANCES   leave these primitives out of rt_geometry and of the code
+       RT_NO_STATS          leave out rt_stats
+       RT_NO_SHADING        leave out cameras, materials and the renderer
+
+   PAPERS
+
+     [Overbeck]  Overbeck, Ramamoorthi, Mark: Large Ray Packets for Real-time Whitted Ray Tracing, 2008
+     [Wald]      Wald: On fast Construction of SAH-based Bounding Volume Hierarchies, 2007
+     [Woop]      Woop, Benthin, Wald: Watertight Ray/Triangle Intersection, JCGT 2013
+     [Ize]       Ize: Robust BVH Ray Traversal, JCGT 2013
+     [Haines]    Haines, Guenther, Akenine-Moller: Precision Improvements for Ray/Sphere Intersection, Ray Tracing Gems 2019  */
+
+#ifndef RTI_PASS
+
+/* ==== declarations ================================================================================================== */
+
+#ifndef RT_H
+#define RT_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/* ---- >>config ------------------------------------------------------------------------------------------------------- */
+
+#define RT_HEADER_VERSION 1000              /* major * 1000000 + minor * 1000 + patch */
+
+#ifdef RT_STATIC
+#if defined(__GNUC__) || defined(__clang__)
+#define RT_API static __attribute__((unused))
+#else
+#define RT_API static
+#endif
+#elif defined(__cplusplus)
+#define RT_API extern "C"
+#else
+#define RT_API extern
+#endif
+
+/* ---- >>types -------------------------------------------------------------------------------------------------------- */
+
+#define RT_NONE 0xffffffffu                 /* no primitive, no instance */
+#define RT_MAX_COORDINATE 1e18f             /* |coordinate| of vertices, sphere extents, instance extents, ray origins */
+#define RT_MIN_DIRECTION  1e-18f            /* least and greatest size of the largest component of a ray's dir */
+#define RT_MAX_DIRECTION  1e18f
+#define RT_MAX_NESTING    8                 /* levels of instances below the accel that is traced */
+
+typedef struct { float x, y, z; } rt_vec3;
+typedef struct { rt_vec3 org; float tmin; rt_vec3 dir; float tmax; } rt_ray;    /* 32 bytes */
+typedef struct { float t, u, v; uint32_t prim, inst; } rt_hit;                  /* 20 bytes; a miss: prim and inst RT_NONE, t infinite */
+typedef struct { rt_vec3 center; float radius; } rt_sphere;                     /* radius >= 0 */
+
+typedef struct rt_accel rt_accel;           /* opaque; made by rt_build */
+
+/* ---- >>status ------------------------------------------------------------------------------------------------------- */
+
+#define RT_STATUS_LIST(X)                                                                      \
+    X(RT_OK,                "success")                                                         \
+    X(RT_ERROR_ARGUMENT,    "an argument or option is not allowed")                            \
+    X(RT_ERROR_GEOMETRY,    "a primitive is not finite, out of range or refers to nothing")    \
+    X(RT_ERROR_MEMORY,      "out of memory")                                                   \
+    X(RT_ERROR_LIMIT,       "more primitives, instances or nesting than the library can number") \
+    X(RT_ERROR_UNSUPPORTED, "not built, or not on this processor")                             \
+    X(RT_ERROR_NO_DEVICE,   "no such device")
+
+#define RTI_STATUS_ENUM(name, text) name,
+typedef enum { RT_STATUS_LIST(RTI_STATUS_ENUM) RT_STATUS_COUNT } rt_status;
+
+/* Filled by a call that fails, where its options point to one. */
+typedef struct {
+    rt_status status;
+    uint32_t prim;                          /* the first offending primitive, or RT_NONE */
+    char message[192];                      /* one line, no newline */
+} rt_error;
+
+/* A constant one-line text; never NULL. */
+RT_API const char *rt_status_string(rt_status status);
+
+/* ---- >>geometry ----------------------------------------------------------------------------------------------------- */
+
+#ifndef RT_NO_INSTANCES
+/* accel seen through an affine transform: world = M * object, M = 3 rows of 4, row by row; must be invertible. */
+typedef struct {
+    const rt_accel *accel;                  /* not owned; must outlive what instances it */
+    float transform[12];
+} rt_instance;
+#endif
+
+/* Zero it, then set what there is. Nothing is owned. */
+typedef struct {
+    const float *vertices;    size_t vertex_count, vertex_stride;   /* stride in bytes, a multiple of 4; 0 = 3 packed floats */
+    const uint32_t *indices;  size_t triangle_count;                /* NULL indices: vertices 3i, 3i+1, 3i+2 */
+#ifndef RT_NO_SPHERES
+    const rt_sphere *spheres; size_t sphere_count;
+#endif
+#ifndef RT_NO_INSTANCES
+    const rt_instance *instances; size_t instance_count;
+#endif
+} rt_geometry;
+
+/* ---- >>build -------------------------------------------------------------------------------------------------------- */
+
+#define RT_STRUCTURE_LIST(X) X(RT_BVH, "bvh") X(RT_KDTREE, "kdtree") X(RT_THREADED, "threaded")
+#define RTI_ENUM(name, text) name,
+typedef enum { RT_STRUCTURE_LIST(RTI_ENUM) RT_STRUCTURE_COUNT } rt_structure;
+
+/* How long to look for a good tree: bins of the surface area heuristic an axis: 16, 8, 32. */
+typedef enum { RT_BUILD_DEFAULT, RT_BUILD_FAST, RT_BUILD_HIGH } rt_quality;
+
+/* Calls body(context, 0..count-1), each once, in any order, on any threads, and returns when all are done. */
+typedef void (*rt_parallel_for)(void *user, size_t count, void (*body)(void *context, size_t index), void *context);
+
+/* Zero is the default of every field. */
+typedef struct {
+    rt_structure structure;                 /* RT_BVH */
+    rt_quality quality;
+    bool reference;                         /* read vertices, indices and spheres from the caller's arrays, which must then
+                                               stay as they are until rt_free: 36 bytes a triangle less, slower leaves */
+    bool skip_invalid;                      /* leave bad primitives out and count them (rt_info.skipped) instead of failing */
+    rt_parallel_for parallel_for;           /* NULL: build on this thread. The tree is the same, bit for bit */
+    void *parallel_user;
+    void *memory_user;                      /* given to RT_MALLOC and RT_FREE */
+    rt_error *error;                        /* NULL: only the status tells */
+} rt_build_options;
+
+/* Builds *out from geo: O(n log n) time (binned SAH, [Wald]; depth at most RTI_MAX_DEPTH on any input), opt NULL = defaults.
+   RT_ERROR_GEOMETRY names the first bad primitive. On any failure *out is NULL and nothing is kept. */
+RT_API rt_status rt_build(rt_accel **out, const rt_geometry *geo, const rt_build_options *opt);
+
+/* Releases accel; NULL is fine. */
+RT_API void rt_free(rt_accel *accel);
+
+/* Moves the primitives to where geo says, keeping the tree: O(n), no allocation. geo must have the counts that accel was built
+   from; indices are read again. Accels that instance this one must be refitted or rebuilt after it. A primitive that build left out stays
+   out; one that has become bad fails the call. On failure accel is as it was. error may be NULL. */
+RT_API rt_status rt_refit(rt_accel *accel, const rt_geometry *geo);
+RT_API rt_status rt_refit_error(rt_accel *accel, const rt_geometry *geo, rt_error *error);
+
+typedef struct {
+    rt_structure structure;
+    size_t triangles, spheres, instances;   /* as given; including skipped ones */
+    size_t skipped;                         /* primitives left out by skip_invalid */
+    size_t nodes, leaves, max_leaf;         /* tree nodes in all, leaves among them, primitives in the fullest leaf */
+    int depth;                              /* edges from the root to the deepest leaf */
+    int nesting;                            /* levels of instances below this accel */
+    size_t bytes;                           /* held by this accel (not by accels it instances) */
+    double sah;                             /* expected cost of a ray that hits the root box, in primitive tests */
+    rt_vec3 lower, upper;                   /* bounds; lower > upper when empty */
+} rt_info;
+
+RT_API void rt_get_info(const rt_accel *accel, rt_info *info);
+
+#ifndef RT_NO_INSTANCES
+/* The composed object-to-world transform (3x4, row by row) and the matrix for its normals (3x3, inverse transpose, not
+   normalised) of the instance a hit names. inst RT_NONE: the identity. Either output may be NULL. False: no such instance. */
+RT_API bool rt_instance_transform(const rt_accel *accel, uint32_t inst, float transform[12], float normal[9]);
+#endif
+
+/* ---- >>query -------------------------------------------------------------------------------------------------------- */
+
+/* THE table of algorithms: enum value, command line name, structure, what. The enum, rt_algorithm_find, the tests, bench and
+   --help all come from here; rti_algorithms (>>algorithms) adds the code. */
+#define RT_ALGORITHM_LIST(X)                                                                                         \
+    X(RT_AUTO,              "auto",              RT_STRUCTURE_COUNT, "the best one for the rays given")              \
+    X(RT_KD_STACK,          "kd.stack",          RT_KDTREE,   "front to back with a stack (Horn A.1)")               \
+    X(RT_KD_RESTART,        "kd.restart",        RT_KDTREE,   "restart at the root (Horn A.2)")                      \
+    X(RT_KD_PUSHDOWN,       "kd.pushdown",       RT_KDTREE,   "restart at the lowest enclosing subtree (Horn A.3)")  \
+    X(RT_KD_SHORTSTACK,     "kd.shortstack",     RT_KDTREE,   "bounded stack over push-down (Horn A.4)")             \
+    X(RT_KD_BACKTRACK,      "kd.backtrack",      RT_KDTREE,   "parent links and node boxes (Foley & Sugerman)")      \
+    X(RT_BVH_STACK,         "bvh.stack",         RT_BVH,      "single ray, scalar, binary tree")                     \
+    X(RT_BVH_WIDE,          "bvh.wide",          RT_BVH,      "single ray, one node tests 4 or 8 children")          \
+    X(RT_BVH_SIMD,          "bvh.simd",          RT_BVH,      "4 (2x2) or 8 rays in SIMD lanes (Overbeck 2.1)")      \
+    X(RT_BVH_MASKED,        "bvh.masked",        RT_BVH,      "large packets, masked (Overbeck 3.1)")                \
+    X(RT_BVH_RANGED,        "bvh.ranged",        RT_BVH,      "large packets, first active ray (Overbeck 3.2)")      \
+    X(RT_BVH_PARTITION,     "bvh.partition",     RT_BVH,      "large packets, partitioned (Overbeck 3.3)")           \
+    X(RT_THREADED_SINGLE,   "threaded.single",   RT_THREADED, "stackless, hit and miss links (Lohr 4)")              \
+    X(RT_THREADED_PARALLEL, "threaded.parallel", RT_THREADED, "stackless, k rays together (Lohr 5)")
+
+#define RTI_ALGORITHM_ENUM(name, text, structure, what) name,
+typedef enum { RT_ALGORITHM_LIST(RTI_ALGORITHM_ENUM) RT_ALGORITHM_COUNT } rt_algorithm;
+
+/* Frustum culling of large packets ([Overbeck] 4). */
+#define RT_CULL_LIST(X) X(RT_CULL_NONE, "none") X(RT_CULL_CORNERS, "corners") X(RT_CULL_PLANES, "planes") X(RT_CULL_BOTH, "both")
+typedef enum { RT_CULL_LIST(RTI_ENUM) RT_CULL_COUNT } rt_cull;
+
+typedef enum { RT_CLOSEST, RT_ANY } rt_query;
+
+/* Which instructions; for tests and measurements. The hits are the same. */
+#define RT_ISA_LIST(X) X(RT_ISA_AUTO, "auto") X(RT_ISA_SCALAR, "scalar") X(RT_ISA_SSE2, "sse2") X(RT_ISA_AVX2, "avx2")
+typedef enum { RT_ISA_LIST(RTI_ENUM) RT_ISA_COUNT } rt_isa;
+
+typedef struct {
+    const char *name;                       /* "bvh.stack" */
+    const char *what;
+    rt_algorithm algorithm;
+    rt_structure structure;                 /* RT_STRUCTURE_COUNT: any */
+    bool built;                             /* false: rt_trace answers RT_ERROR_UNSUPPORTED */
+    bool packets;                           /* packet_width may be other than 1 */
+} rt_algorithm_info;
+
+/* One row of the table, or NULL past its end: for (i = 0; (info = rt_algorithm_get(i)) != NULL; i++). */
+RT_API const rt_algorithm_info *rt_algorithm_get(size_t i);
+
+/* The packet widths that algorithm takes on this processor: writes up to max of them to widths, returns how many there are. */
+RT_API size_t rt_packet_widths(rt_algorithm algorithm, int *widths, size_t max);
+
+#ifndef RT_NO_STATS
+/* Sums over the rays of a call; added to what is there. One ray in one node is one visit: a packet of 5 live rays adds 5. */
+typedef struct {
+    uint64_t rays;                          /* legal rays traced */
+    uint64_t nodes;                         /* inner nodes visited */
+    uint64_t boxes;                         /* ray-box tests */
+    uint64_t prims;                         /* ray-primitive tests */
+    uint64_t restarts;                      /* k-d tree restarts */
+    uint64_t pushes, drops;                 /* stack entries pushed, and lost from a full short stack */
+    uint64_t steps, active;                 /* packet node visits, and live rays summed over them: active / steps a visit */
+} rt_stats;
+#endif
+
+/* Zero is the default of every field. */
+typedef struct {
+    rt_algorithm algorithm;                 /* RT_AUTO */
+    int packet_width;                       /* 0 = default; else one of rt_packet_widths: 1 = single rays, 2 = 2x2, 8 = 8 rays */
+    rt_cull cull;
+    rt_query query;                         /* RT_CLOSEST */
+    const float *times;                     /* one a ray in [0,1], for moving instances; NULL = 0. No instance moves yet */
+    rt_isa isa;
+#ifndef RT_NO_STATS
+    rt_stats *stats;                        /* NULL: nothing is counted, at no cost */
+#endif
+    rt_error *error;
+} rt_trace_options;
+
+/* Closest hit of one ray; fills *hit (also for a miss). True: hit. */
+RT_API bool rt_intersect(const rt_accel *accel, const rt_ray *ray, rt_hit *hit);
+
+/* Is there any hit with tmin < t < tmax? */
+RT_API bool rt_occluded(const rt_accel *accel, const rt_ray *ray);
+
+/* Traces rays[0..count) and fills hits[0..count); any count, any order. Packets are made of rays that follow each other, so
+   give neighbours together. opt NULL = defaults. RT_ANY answers prim 0 for a hit, RT_NONE for a miss.
+   Fails only for options that are not allowed (RT_ERROR_ARGUMENT), not built or not on this processor (RT_ERROR_UNSUPPORTED); hits is
+   then untouched. */
+RT_API rt_status rt_trace(const rt_accel *accel, const rt_trace_options *opt, const rt_ray *rays, size_t count, rt_hit *hits);
+
+/* The instruction set that RT_ISA_AUTO picks here. */
+RT_API rt_isa rt_best_isa(void);
+
+/* ---- >>shading-api -------------------------------------------------------------------------------------------------- */
+
+#ifndef RT_NO_SHADING
+
+/* A pinhole. fov is the vertical angle of the picture in degrees, in (0, 180). */
+typedef struct { rt_vec3 eye, look, up; float fov; } rt_camera;
+
+/* The camera's ray through point (x, y) of a width x height picture, in pixels from the top left corner (a pixel's middle is at
+   +0.5). dir has unit depth along the view axis: t is depth. */
+RT_API rt_ray rt_camera_ray(const rt_camera *camera, float x, float y, int width, int height);
+
+/* Phong. Colours are linear RGB, reflectances in [0,1]. */
+typedef struct {
+    rt_vec3 diffuse, specular, emission;
+    float shininess;                        /* exponent of the highlight */
+} rt_material;
+
+typedef struct { rt_vec3 position, color; } rt_light;               /* a point; no falloff, as in Phong's model */
+
+/* Everything a picture needs; nothing is owned. Primitive ids are those of geometry. */
+typedef struct rt_scene {
+    const rt_accel *accel;
+    const rt_geometry *geometry;            /* what accel was built from */
+    const rt_vec3 *normals;                 /* shading normals, or NULL */
+    const uint32_t *normal_indices;         /* 3 a triangle into normals; a triangle whose first is RT_NONE is flat */
+    const rt_vec3 *colors;                  /* one a vertex, multiplies the diffuse colour; or NULL */
+    const rt_material *materials; size_t material_count;            /* none: light grey */
+    const uint32_t *material_ids;           /* one a triangle, then one a sphere; NULL: material 0 */
+    const rt_light *lights; size_t light_count;
+    rt_vec3 ambient, background;
+    rt_camera camera;
+    const struct rt_scene *const *parts;    /* one an instance: how to shade what it shows (accel, geometry, normals, materials, parts) */
+} rt_scene;
+
+typedef struct {
+    int width, height;                      /* of the whole picture */
+    int spp;                                /* samples a pixel; 0 = 1 */
+    rt_trace_options trace;                 /* algorithm and so on; query is set by the renderer */
+} rt_render_options;
+
+typedef struct { uint64_t primary, shadow; } rt_ray_counts;
+
+/* Renders the pixels [x0,x1) x [y0,y1) of the picture to pixels, which holds the whole picture row by row (linear RGB): so tiles may
+   be rendered by any threads in any order, and the picture is the same. rays may be NULL; counts are added to it.
+   Errors as rt_trace; no allocation, 64 KiB of stack. */
+RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *opt, int x0, int y0, int x1, int y1, rt_vec3 *pixels,
+                                rt_ray_counts *rays);
+
+#endif /* RT_NO_SHADING */
+#endif /* RT_H */
+
+/* ==== implementation ================================================================================================ */
+
+#if defined(RT_IMPLEMENTATION) && !defined(RTI_IMPLEMENTED)
+#define RTI_IMPLEMENTED
+
+#include <float.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+/* ---- >>platform ----------------------------------------------------------------------------------------------------- */
+
+#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || \
+    (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
+#error "rt.h: -ffast-math and its parts break watertight hits; compile the file that defines RT_IMPLEMENTATION without them"
+#endif
+#if defined(FLT_EVAL_METHOD) && FLT_EVAL_METHOD != 0 && FLT_EVAL_METHOD != 16
+#error "rt.h: float arithmetic must round to float (x87 does not); compile with -msse2 -mfpmath=sse"
+#endif
+
+#ifndef RT_MALLOC
+#include <stdlib.h>
+#define RT_MALLOC(size, user) ((void)(user), malloc(size))
+#define RT_FREE(pointer, user) ((void)(user), free(pointer))
+#endif
+#ifndef RT_ASSERT
+#include <assert.h>
+#define RT_ASSERT(x) assert(x)
+#endif
+#ifndef RT_SELF
+#define RT_SELF "rt.h"
+#endif
+
+/* Features as 0/1, so that the code below says #if and not #ifdef. */
+#ifdef RT_NO_SPHERES
+#define RTI_SPHERES 0
+#else
+#define RTI_SPHERES 1
+#endif
+#ifdef RT_NO_INSTANCES
+#define RTI_INSTANCES 0
+#else
+#define RTI_INSTANCES 1
+#endif
+#ifdef RT_NO_STATS
+#define RTI_STATS 0
+#else
+#define RTI_STATS 1
+#endif
+#ifdef RT_NO_PACKETS
+#define RTI_PACKETS 0
+#else
+#define RTI_PACKETS 1
+#endif
+#if !defined(RT_NO_SIMD) && (defined(__x86_64__) || defined(_M_X64) || (defined(__i386__) && defined(__SSE2__)))
+#define RTI_X86 1
+#include <immintrin.h>
+#else
+#define RTI_X86 0
+#endif
+
+#if defined(__GNUC__) || defined(__clang__)
+#define RTI_INLINE static inline __attribute__((always_inline, unused))
+#define RTI_NOINLINE static __attribute__((noinline, unused))
+#define RTI_ALIGNED(n) __attribute__((aligned(n)))
+#define RTI_UNLIKELY(x) __builtin_expect(!!(x), 0)
+#else
+#define RTI_INLINE static __forceinline
+#define RTI_NOINLINE static __declspec(noinline)
+#define RTI_ALIGNED(n) __declspec(align(n))
+#define RTI_UNLIKELY(x) (x)
+#pragma fp_contract(off)
+#endif
+
+/* rti_round*(x) is x, rounded: it keeps the compiler from contracting a product with the sum that takes it into one fma, which gcc and
+   clang do at their users' flags even to intrinsics, and which would give other bits than the other paths. No instruction is emitted. */
+#if defined(__GNUC__) || defined(__clang__)
+#if defined(__x86_64__) || defined(__i386__)
+#define RTI_ROUND(x) __asm__("" : "+x"(x))
+#elif defined(__aarch64__) || defined(__arm__)
+#define RTI_ROUND(x) __asm__("" : "+w"(x))
+#elif defined(__riscv) || defined(__s390__)
+#define RTI_ROUND(x) __asm__("" : "+f"(x))
+#elif defined(__wasm__)
+#define RTI_ROUND(x) ((void)0)              /* has no fma to contract to */
+#else
+#define RTI_ROUND(x) __asm__("" : "+m"(x))
+#endif
+#else
+#define RTI_ROUND(x) ((void)0)              /* fp_contract(off) above */
+#endif
+RTI_INLINE float rti_roundf(float x) { RTI_ROUND(x); return x; }
+RTI_INLINE double rti_round(double x) { RTI_ROUND(x); return x; }
+
+#if RTI_X86 && RTI_PACKETS
+static bool rti_has_avx2(void)
+{
+#if defined(__GNUC__) || defined(__clang__)
+    return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+#else
+    int r[4];
+    __cpuid(r, 1);
+    if (!(r[2] >> 12 & 1) || !(r[2] >> 27 & 1) || (_xgetbv(0) & 6) != 6) return false;      /* fma, osxsave, ymm state */
+    __cpuidex(r, 7, 0);
+    return r[1] >> 5 & 1;
+#endif
+}
+#endif
+
+/* ---- >>memory ------------------------------------------------------------------------------------------------------- */
+
+/* count * size bytes, or NULL: also where the product overflows. A count of 0 allocates something. */
+static void *rti_alloc(size_t count, size_t size, void *user)
+{
+    if (count > SIZE_MAX / size) return NULL;
+    return RT_MALLOC(count ? count * size : 1, user);
+}
+
+static void rti_release(void *pointer, void *user)
+{
+    (void)user;
+    if (pointer) RT_FREE(pointer, user);
+}
+
+#define RTI_FAIL(error, status, prim, ...) rti_fail(error, status, prim, __VA_ARGS__)
+
+/* Every failure passes through here: the place for a breakpoint. */
+#if defined(__GNUC__) || defined(__clang__)
+static rt_status rti_fail(rt_error *error, rt_status status, uint32_t prim, const char *format, ...) __attribute__((format(printf, 4, 5)));
+#endif
+#include <stdarg.h>
+static rt_status rti_fail(rt_error *error, rt_status status, uint32_t prim, const char *format, ...)
+{
+    if (error) {
+        va_list args;
+        va_start(args, format);
+        error->status = status;
+        error->prim = prim;
+        vsnprintf(error->message, sizeof error->message, format, args);
+        va_end(args);
+    }
+    return status;
+}
+
+/* ---- >>math --------------------------------------------------------------------------------------------------------- */
+
+#define RTI_INFINITY ((float)HUGE_VAL)
+
+/* lower[3] and upper[3]; the fourth lanes are padding that SIMD may fill with anything. */
+typedef struct { float lo[4], hi[4]; } rti_box;
+
+static const rti_box rti_empty_box = { { HUGE_VALF, HUGE_VALF, HUGE_VALF, 0 }, { -HUGE_VALF, -HUGE_VALF, -HUGE_VALF, 0 } };
+
+RTI_INLINE void rti_box_grow(rti_box *box, const float *lo, const float *hi)        /* lo and hi have 4 readable floats */
+{
+#if RTI_X86
+    _mm_storeu_ps(box->lo, _mm_min_ps(_mm_loadu_ps(lo), _mm_loadu_ps(box->lo)));
+    _mm_storeu_ps(box->hi, _mm_max_ps(_mm_loadu_ps(hi), _mm_loadu_ps(box->hi)));
+#else
+    int k;
+    for (k = 0; k < 3; k++) {
+        if (lo[k] < box->lo[k]) box->lo[k] = lo[k];
+        if (hi[k] > box->hi[k]) box->hi[k] = hi[k];
+    }
+#endif
+}
+
+/* Half the surface; in double, since 1e18 squared times a count leaves float. Empty: 0. */
+static double rti_half_area(const rti_box *box)
+{
+    double x = (double)box->hi[0] - (double)box->lo[0], y = (double)box->hi[1] - (double)box->lo[1];
+    double z = (double)box->hi[2] - (double)box->lo[2];
+    return x < 0 ? 0 : x * y + y * z + z * x;
+}
+
+/* The nearest floats not above and not below x. */
+RTI_INLINE float rti_float_down(double x)
+{
+    float f = (float)x;
+    return (double)f > x ? nextafterf(f, -RTI_INFINITY) : f;
+}
+RTI_INLINE float rti_float_up(double x)
+{
+    float f = (float)x;
+    return (double)f < x ? nextafterf(f, RTI_INFINITY) : f;
+}
+
+RTI_INLINE bool rti_coordinate_ok(float x) { return x >= -RT_MAX_COORDINATE && x <= RT_MAX_COORDINATE; }     /* false for NaN */
+
+static int rti_ceil_log2(size_t n)
+{
+    int log = 0;
+    while (((size_t)1 << log) < n) log++;
+    return log;
+}
+
+/* ---- layout ---
+
+   node, 32 bytes                                          triangle, 40 bytes
+     bounds[0] lower x y z   bounds[1] upper x y z           v[0..8] three vertices   prim
+     index  inner: first of two children, index and index + 1;  leaf: first slot in the array of its kind
+     count  0: inner node;  else leaf: kind << 28 | number of primitives (a leaf holds one kind only)
+
+   Nodes stand in depth-first order: a child's index is above its parent's. */
+
+enum { RTI_TRIANGLE, RTI_SPHERE, RTI_INSTANCE, RTI_KINDS };
+#define RTI_COUNT_MASK 0x0fffffffu
+#define RTI_KIND_SHIFT 28
+#define RTI_MAX_PRIMS ((size_t)1 << 28)     /* what a leaf's count can hold, and far above what fits in memory */
+#define RTI_MAX_DEPTH 64                    /* edges; a traversal stack holds at most one entry a level */
+#define RTI_MAX_LEAF 8                      /* primitives, unless SAH never gets there */
+
+typedef struct { float bounds[2][3]; uint32_t index, count; } rti_node;
+typedef struct { float v[9]; uint32_t prim; } rti_triangle;
+typedef struct { float center[3], radius; uint32_t prim; } rti_ball;
+typedef struct {
+    const rt_accel *accel;
+    float transform[12], inverse[12];       /* object to world, and back */
+    uint32_t prim, base;                    /* base: what a hit on accel's own primitives is called in hit.inst */
+} rti_instance;
+
+typedef char rti_check_ray[sizeof(rt_ray) == 32 ? 1 : -1];
+typedef char rti_check_hit[sizeof(rt_hit) == 20 ? 1 : -1];
+typedef char rti_check_node[sizeof(rti_node) == 32 ? 1 : -1];
+typedef char rti_check_triangle[sizeof(rti_triangle) == 40 ? 1 : -1];
+
+struct rt_accel {
+    rti_node *nodes;                        /* node_count of them, the root first; none when empty */
+    rti_triangle *triangles;                /* in leaf order; or, with opt->reference: */
+    uint32_t *triangle_ids;
+#if RTI_SPHERES
+    rti_ball *balls;
+    uint32_t *ball_ids;
+#endif
+    size_t node_count;
+    size_t slots[RTI_KINDS];                /* primitives of each kind that are in the tree */
+    rt_geometry geo;                        /* the counts; with opt->reference the caller's arrays too */
+    size_t skipped;
+#if RTI_INSTANCES
+    rti_instance *instances;                /* in leaf order */
+    uint32_t *instance_slots;               /* from instance number to slot, or RT_NONE */
+    uint32_t *instance_bases;               /* instance number to base, ascending */
+    uint32_t paths;                         /* how many values hit.inst can take below this accel */
+#endif
+    float lower[3], upper[3];               /* of the root */
+    float extent, spread;                   /* see >>instance; both 0 without instances */
+    int depth, nesting;
+    size_t bytes;
+    void *memory_user;
+};
+
+RTI_INLINE int rti_leaf_kind(const rti_node *node) { return (int)(node->count >> RTI_KIND_SHIFT); }
+RTI_INLINE uint32_t rti_leaf_count(const rti_node *node) { return node->count & RTI_COUNT_MASK; }
+
+RTI_INLINE size_t rti_sphere_count(const rt_geometry *geo)
+{
+#if RTI_SPHERES
+    return geo->sphere_count;
+#else
+    (void)geo;
+    return 0;
+#endif
+}
+RTI_INLINE size_t rti_instance_count(const rt_geometry *geo)
+{
+#if RTI_INSTANCES
+    return geo->instance_count;
+#else
+    (void)geo;
+    return 0;
+#endif
+}
+
+/* The primitive's vertices; bad indices give false. Coordinates are not looked at. */
+RTI_INLINE bool rti_fetch_triangle(const rt_geometry *geo, size_t prim, float v[9])
+{
+    size_t stride = geo->vertex_stride ? geo->vertex_stride : 3 * sizeof(float);
+    int k;
+    for (k = 0; k < 3; k++) {
+        size_t i = geo->indices ? geo->indices[3 * prim + (size_t)k] : 3 * prim + (size_t)k;
+        if (i >= geo->vertex_count) return false;
+        memcpy(v + 3 * k, (const char *)geo->vertices + i * stride, 3 * sizeof(float));
+    }
+    return true;
+}
+
+/* ---- >>instance ----------------------------------------------------------------------------------------------------- */
+
+/* hit.inst numbers the paths through nested instances in depth-first order: with paths(accel) = sum over its instances (1 + paths(child)),
+   instance j is called base_j = sum over i < j (1 + paths(child_i)), and what lies inside it follows: base_j + 1 + number in the child.
+   Where nothing nests, base_j = j. Unsigned wrap-around makes RT_NONE the base of the outermost accel: RT_NONE + 1 + n = n. */
+
+#if RTI_INSTANCES
+
+/* 3x4 inverse in double, rounded once. Products of two floats are exact in double, so only the others need RTI_ROUND. */
+static bool rti_invert(const float m[12], float inverse[12])
+{
+    double c[9], inv[9], det;
+    int i, j;
+    for (i = 0; i < 3; i++)                 /* c = cofactors, transposed: inverse = c / det */
+        for (j = 0; j < 3; j++) {
+            int r1 = (j + 1) % 3, r2 = (j + 2) % 3, c1 = (i + 1) % 3, c2 = (i + 2) % 3;
+            c[3 * i + j] = rti_round((double)m[4 * r1 + c1] * (double)m[4 * r2 + c2]) -
+                           rti_round((double)m[4 * r1 + c2] * (double)m[4 * r2 + c1]);
+        }
+    det = rti_round((double)m[0] * c[0]) + rti_round((double)m[1] * c[3]);
+    det += rti_round((double)m[2] * c[6]);
+    for (i = 0; i < 9; i++) inv[i] = c[i] / det;
+    for (i = 0; i < 3; i++) {
+        double t = rti_round(inv[3 * i] * (double)m[3]) + rti_round(inv[3 * i + 1] * (double)m[7]);
+        t += rti_round(inv[3 * i + 2] * (double)m[11]);
+        for (j = 0; j < 3; j++) inverse[4 * i + j] = (float)inv[3 * i + j];
+        inverse[4 * i + 3] = (float)-t;
+    }
+    for (i = 0; i < 12; i++)
+        if (!(fabsf(inverse[i]) <= FLT_MAX)) return false;     /* det 0 makes inf or NaN */
+    return true;
+}
+
+/* Largest row sum of |3x3|: how much the transform can stretch the largest coordinate. */
+static double rti_stretch(const float m[12])
+{
+    double most = 0;
+    int i;
+    for (i = 0; i < 3; i++) {
+        double row = fabs((double)m[4 * i]) + fabs((double)m[4 * i + 1]) + fabs((double)m[4 * i + 2]);
+        if (row > most) most = row;
+    }
+    return most;
+}
+
+/* World bounds of the instanced root box, rounded outwards. */
+static rti_box rti_instance_box(const rt_instance *instance)
+{
+    rti_box box = rti_empty_box;
+    int i, j;
+    for (i = 0; i < 3; i++) {
+        double lo = (double)instance->transform[4 * i + 3], hi = lo, slack = fabs(lo);
+        for (j = 0; j < 3; j++) {
+            double a = (double)instance->transform[4 * i + j] * (double)instance->accel->lower[j];
+            double b = (double)instance->transform[4 * i + j] * (double)instance->accel->upper[j];
+            lo += a < b ? a : b;
+            hi += a < b ? b : a;
+            slack += fabs(a) + fabs(b);
+        }
+        slack *= 1e-15;                     /* more than the double sums can have lost */
+        box.lo[i] = rti_float_down(lo - slack);
+        box.hi[i] = rti_float_up(hi + slack);
+    }
+    return box;
+}
+
+/* The ray in object space; t keeps its meaning since dir is not normalised. */
+RTI_INLINE void rti_transform_ray(const float inverse[12], const float org[3], const float dir[3], float to_org[3], float to_dir[3])
+{
+    int i;
+    for (i = 0; i < 3; i++) {               /* float products are exact in double: contraction cannot change a bit */
+        const float *m = inverse + 4 * i;
+        to_org[i] = (float)((((double)m[0] * (double)org[0] + (double)m[1] * (double)org[1]) + (double)m[2] * (double)org[2]) + (double)m[3]);
+        to_dir[i] = (float)(((double)m[0] * (double)dir[0] + (double)m[1] * (double)dir[1]) + (double)m[2] * (double)dir[2]);
+    }
+}
+
+#endif
+
+/* ---- >>validate ----------------------------------------------------------------------------------------------------- */
+
+static const char *rti_out_of_range = "is not finite or leaves +-RT_MAX_COORDINATE";
+
+/* Bounds of primitive prim of geo. NULL: it is good; else what is wrong with it. A good one with an empty box cannot be hit. */
+static const char *rti_prim_box(const rt_geometry *geo, size_t prim, rti_box *box, int *kind)
+{
+    int k;
+    *box = rti_empty_box;
+    *kind = RTI_TRIANGLE;
+    if (prim < geo->triangle_count) {
+        float v[12];
+        if (!rti_fetch_triangle(geo, prim, v)) return "refers to a vertex that is not there";
+        for (k = 0; k < 9; k++)
+            if (!rti_coordinate_ok(v[k])) return rti_out_of_range;
+        v[9] = v[10] = v[11] = 0;
+        for (k = 0; k < 3; k++) rti_box_grow(box, v + 3 * k, v + 3 * k);
+        return NULL;
+    }
+    prim -= geo->triangle_count;
+#if RTI_SPHERES
+    if (prim < geo->sphere_count) {
+        const rt_sphere *s = &geo->spheres[prim];
+        const float c[3] = { s->center.x, s->center.y, s->center.z };
+        *kind = RTI_SPHERE;
+        if (!(s->radius >= 0)) return "has a negative radius or one that is not a number";
+        for (k = 0; k < 3; k++) {
+            box->lo[k] = rti_float_down((double)c[k] - (double)s->radius);
+            box->hi[k] = rti_float_up((double)c[k] + (double)s->radius);
+            if (!rti_coordinate_ok(box->lo[k]) || !rti_coordinate_ok(box->hi[k])) return rti_out_of_range;
+        }
+        return NULL;
+    }
+    prim -= geo->sphere_count;
+#endif
+#if RTI_INSTANCES
+    {
+        const rt_instance *instance = &geo->instances[prim];
+        float inverse[12];
+        *kind = RTI_INSTANCE;
+        if (!instance->accel) return "has no accel";
+        for (k = 0; k < 12; k++)
+            if (!rti_coordinate_ok(instance->transform[k])) return rti_out_of_range;
+        if (!rti_invert(instance->transform, inverse)) return "has a transform that cannot be inverted";
+        if (!instance->accel->node_count) return NULL;
+        *box = rti_instance_box(instance);
+        for (k = 0; k < 3; k++)
+            if (!rti_coordinate_ok(box->lo[k]) || !rti_coordinate_ok(box->hi[k])) return rti_out_of_range;
+    }
+#endif
+    return NULL;
+}
+
+static rt_status rti_bad_prim(rt_error *error, const rt_geometry *geo, size_t prim)
+{
+    static const char *const names[] = { "triangle", "sphere", "instance" };
+    rti_box box;
+    int kind;
+    const char *what = rti_prim_box(geo, prim, &box, &kind);
+    size_t number = prim - (kind > RTI_TRIANGLE ? geo->triangle_count : 0) - (kind > RTI_SPHERE ? rti_sphere_count(geo) : 0);
+    return RTI_FAIL(error, RT_ERROR_GEOMETRY, (uint32_t)prim, "%s %lu %s", names[kind], (unsigned long)number, what ? what : "");
+}
+
+/* What is wrong with the arguments themselves, before any primitive is read. */
+static rt_status rti_check_geometry(const rt_geometry *geo, rt_error *error)
+{
+    size_t stride, total;
+    if (!geo) return RTI_FAIL(error, RT_ERROR_ARGUMENT, RT_NONE, "geometry is NULL");
+    stride = geo->vertex_stride;
+    if (geo->triangle_count && geo->vertex_count && !geo->vertices)
+        return RTI_FAIL(error, RT_ERROR_ARGUMENT, RT_NONE, "vertices is NULL but vertex_count is %lu", (unsigned long)geo->vertex_count);
+    if (stride && (stride < 3 * sizeof(float) || stride % sizeof(float)))
+        return RTI_FAIL(error, RT_ERROR_ARGUMENT, RT_NONE, "vertex_stride is %lu: it must be 0 or a multiple of 4 from 12 up",
+                        (unsigned long)stride);
+#if RTI_SPHERES
+    if (geo->sphere_count && !geo->spheres)
+        return RTI_FAIL(error, RT_ERROR_ARGUMENT, RT_NONE, "spheres is NULL but sphere_count is %lu", (unsigned long)geo->sphere_count);
+#endif
+#if RTI_INSTANCES
+    if (geo->instance_count && !geo->instances)
+        return RTI_FAIL(error, RT_ERROR_ARGUMENT, RT_NONE, "instances is NULL but instance_count is %lu", (unsigned long)geo->instance_count);
+#endif
+    total = geo->triangle_count;
+    if (total <= RTI_MAX_PRIMS) total += rti_sphere_count(geo) <= RTI_MAX_PRIMS ? rti_sphere_count(geo) : RTI_MAX_PRIMS + 1;
+    if (total <= RTI_MAX_PRIMS) total += rti_instance_count(geo) <= RTI_MAX_PRIMS ? rti_instance_count(geo) : RTI_MAX_PRIMS + 1;
+    if (total > RTI_MAX_PRIMS)
+        return RTI_FAIL(error, RT_ERROR_LIMIT, RT_NONE, "more than %lu primitives in one accel", (unsigned long)RTI_MAX_PRIMS);
+    return RT_OK;
+}
+
+/* Walks the tree and checks every invariant the traversals rely on; the tests call it after each build and refit. */
+RTI_NOINLINE bool rti_validate(const rt_accel *accel)
+{
+    size_t seen[RTI_KINDS] = { 0, 0, 0 }, visited = 0;
+    struct { uint32_t node; int depth; } stack[RTI_MAX_DEPTH + 1];
+    int top = 0, deepest = 0, k;
+    if (!accel->node_count) return accel->slots[0] + accel->slots[1] + accel->slots[2] == 0;
+    stack[top].node = 0;
+    stack[top++].depth = 0;
+    while (top) {
+        const rti_node *node;
+        int depth = stack[--top].depth;
+        uint32_t at = stack[top].node;
+        if (at >= accel->node_count || depth > RTI_MAX_DEPTH) return false;
+        node = &accel->nodes[at];
+        visited++;
+        if (depth > deepest) deepest = depth;
+        for (k = 0; k < 3; k++)
+            if (!(node->bounds[0][k] <= node->bounds[1][k])) return false;
+        if (node->count) {
+            int kind = rti_leaf_kind(node);
+            if (kind >= RTI_KINDS || node->index != seen[kind]) return false;           /* slots in depth-first order */
+            seen[kind] += rti_leaf_count(node);
+            continue;
+        }
+        if (node->index <= at || node->index + 1 >= accel->node_count || top + 2 > RTI_MAX_DEPTH + 1) return false;
+        for (k = 0; k < 6; k++) {
+            const rti_node *child = &accel->nodes[node->index + (uint32_t)(k & 1)];
+            if (child->bounds[0][k / 2] < node->bounds[0][k / 2] || child->bounds[1][k / 2] > node->bounds[1][k / 2]) return false;
+        }
+        stack[top].node = node->index + 1;
+        stack[top++].depth = depth + 1;
+        stack[top].node = node->index;
+        stack[top++].depth = depth + 1;
+    }
+    for (k = 0; k < RTI_KINDS; k++)
+        if (seen[k] != accel->slots[k]) return false;
+    return visited == accel->node_count && deepest == accel->depth;
+}
+
+/* ---- >>bins --------------------------------------------------------------------------------------------------------- */
+
+/* One primitive while building. */
+typedef struct { float lo[3]; uint32_t prim; float hi[3]; uint32_t kind; } rti_ref;
+
+#define RTI_MAX_BINS 32
+typedef struct { rti_box box[3][RTI_MAX_BINS]; uint32_t count[3][RTI_MAX_BINS]; } rti_bins;
+
+/* Bins of lo + hi, twice the centroid: bin = (lo + hi - origin) * scale. A scale of 0 marks an axis that cannot be split. */
+typedef struct { float origin[3], scale[3]; int bins; } rti_binning;
+
+typedef struct { int axis, bin; double cost; rti_box left, right; size_t left_count; } rti_split;
+
+RTI_INLINE int rti_bin_of(const rti_binning *b, const rti_ref *ref, int axis)
+{
+    int bin = (int)((ref->lo[axis] + ref->hi[axis] - b->origin[axis]) * b->scale[axis]);
+    return bin < b->bins ? bin : b->bins - 1;
+}
+
+static rti_binning rti_make_binning(const rti_box *centroids, int bins)
+{
+    rti_binning b;
+    int k;
+    b.bins = bins;
+    for (k = 0; k < 3; k++) {
+        float extent = centroids->hi[k] - centroids->lo[k];
+        b.origin[k] = centroids->lo[k];
+        b.scale[k] = extent > 1e-34f ? (float)bins / extent : 0;        /* below, the quotient could overflow */
+    }
+    return b;
+}
+
+static void rti_bins_clear(rti_bins *bins, int count)
+{
+    int axis, i;
+    for (axis = 0; axis < 3; axis++)
+        for (i = 0; i < count; i++) {
+            bins->box[axis][i] = rti_empty_box;
+            bins->count[axis][i] = 0;
+        }
+}
+
+static void rti_bins_fill(rti_bins *bins, const rti_binning *b, const rti_ref *refs, size_t count)
+{
+    size_t i;
+    int axis;
+    for (i = 0; i < count; i++)
+        for (axis = 0; axis < 3; axis++) {
+            int bin = rti_bin_of(b, &refs[i], axis);
+            rti_box_grow(&bins->box[axis][bin], refs[i].lo, refs[i].hi);
+            bins->count[axis][bin]++;
+        }
+}
+
+static void rti_bins_merge(rti_bins *bins, const rti_bins *more, int count)
+{
+    int axis, i;
+    for (axis = 0; axis < 3; axis++)
+        for (i = 0; i < count; i++) {
+            rti_box_grow(&bins->box[axis][i], more->box[axis][i].lo, more->box[axis][i].hi);
+            bins->count[axis][i] += more->count[axis][i];
+        }
+}
+
+/* Least of area * count over all planes between bins: right costs from the right, then left costs against them. */
+static bool rti_best_split(const rti_bins *bins, const rti_binning *b, rti_split *best)
+{
+    bool found = false;
+    int axis, i;
+    for (axis = 0; axis < 3; axis++) {
+        rti_box right[RTI_MAX_BINS], box = rti_empty_box;
+        double right_cost[RTI_MAX_BINS];
+        size_t count = 0;
+        if (b->scale[axis] <= 0) continue;
+        for (i = b->bins - 1; i > 0; i--) {                             /* right[i] = bins i.. together */
+            rti_box_grow(&box, bins->box[axis][i].lo, bins->box[axis][i].hi);
+            count += bins->count[axis][i];
+            right[i] = box;
+            right_cost[i] = count ? rti_half_area(&box) * (double)count : -1;
+        }
+        box = rti_empty_box;
+        count = 0;
+        for (i = 1; i < b->bins; i++) {                                 /* box = bins ..i-1 together */
+            double cost;
+            rti_box_grow(&box, bins->box[axis][i - 1].lo, bins->box[axis][i - 1].hi);
+            count += bins->count[axis][i - 1];
+            if (!count || right_cost[i] < 0) continue;
+            cost = rti_half_area(&box) * (double)count + right_cost[i];
+            if (!found || cost < best->cost) {
+                found = true;
+                best->cost = cost;
+                best->axis = axis;
+                best->bin = i;
+                best->left = box;
+                best->right = right[i];
+                best->left_count = count;
+            }
+        }
+    }
+    return found;
+}
+
+/* ---- >>bvh ---------------------------------------------------------------------------------------------------------- */
+
+/* Top-down binned SAH. A split of refs [first, first + count) at position m writes its two children to pool[2 m] and pool[2 m + 1]: each m between
+   1 and n - 1 splits at most one node, so tasks need no common counter and any parallel_for makes the same tree. Nodes over more than RTI_TASK
+   refs are split one after the other, their passes over the refs cut into chunks; the rest is one task each.
+   Minimum, maximum and stable partition do not depend on how the refs are cut. */
+
+#define RTI_CHUNK ((size_t)1 << 15)
+#define RTI_TASK  ((size_t)1 << 13)
+#define RTI_TRAVERSAL_COST 1.2              /* of a node, in primitive tests; measured, see tests/bench.c */
+
+typedef struct { size_t first, count; uint32_t node; int depth; rti_box box, centroids; } rti_work;
+
+typedef struct {
+    rti_bins bins;
+    size_t left, right;                     /* refs that go left; then where this chunk's lefts and rights start */
+    rti_box centroids[2];
+} rti_chunk;
+
+typedef struct {
+    rti_node *pool;
+    rti_ref *refs, *spare;
+    rti_chunk *chunks;
+    rti_work *tasks;
+    size_t task_count, task_limit;
+    const rt_geometry *geo;
+    int bins;
+    rt_parallel_for parallel_for;
+    void *parallel_user;
+    const rti_work *work;                   /* the node whose chunks are being worked on */
+    const rti_binning *binning;
+    const rti_split *split;
+} rti_builder;
+
+static void rti_for(const rti_builder *b, size_t count, void (*body)(void *context, size_t index), void *context)
+{
+    if (b->parallel_for && count > 1) b->parallel_for(b->parallel_user, count, body, context);
+    else {
+        size_t i;
+        for (i = 0; i < count; i++) body(context, i);
+    }
+}
+
+RTI_INLINE void rti_grow_centroid(rti_box *centroids, const rti_ref *ref)
+{
+    float c[4];
+    c[0] = ref->lo[0] + ref->hi[0];
+    c[1] = ref->lo[1] + ref->hi[1];
+    c[2] = ref->lo[2] + ref->hi[2];
+    c[3] = 0;
+    rti_box_grow(centroids, c, c);
+}
+
+RTI_INLINE bool rti_goes_left(const rti_binning *b, const rti_split *split, const rti_ref *ref)
+{
+    return rti_bin_of(b, ref, split->axis) < split->bin;
+}
+
+/* Stable: both sides keep their order, lefts in place, rights through spare. */
+static void rti_partition(const rti_builder *b, const rti_work *work, const rti_binning *binning, const rti_split *split, rti_box centroids[2])
+{
+    rti_ref *refs = b->refs + work->first, *spare = b->spare + work->first;
+    size_t i, left = 0, right = 0;
+    centroids[0] = centroids[1] = rti_empty_box;
+    for (i = 0; i < work->count; i++)
+        if (rti_goes_left(binning, split, &refs[i])) {
+            rti_grow_centroid(&centroids[0], &refs[i]);
+            refs[left++] = refs[i];
+        } else {
+            rti_grow_centroid(&centroids[1], &refs[i]);
+            spare[right++] = refs[i];
+        }
+    memcpy(refs + left, spare, right * sizeof *refs);
+}
+
+/* The same in chunks: bin, count, scatter, copy back. */
+static size_t rti_chunk_range(const rti_builder *b, size_t chunk, rti_ref **refs)
+{
+    size_t first = chunk * RTI_CHUNK, left = b->work->count - first;
+    *refs = b->refs + b->work->first + first;
+    return left < RTI_CHUNK ? left : RTI_CHUNK;
+}
+static void rti_chunk_bin(void *context, size_t i)
+{
+    rti_builder *b = (rti_builder *)context;
+    rti_ref *refs;
+    size_t count = rti_chunk_range(b, i, &refs);
+    rti_bins_clear(&b->chunks[i].bins, b->bins);
+    rti_bins_fill(&b->chunks[i].bins, b->binning, refs, count);
+}
+static void rti_chunk_count(void *context, size_t i)
+{
+    rti_builder *b = (rti_builder *)context;
+    rti_chunk *chunk = &b->chunks[i];
+    rti_ref *refs;
+    size_t k, count = rti_chunk_range(b, i, &refs);
+    chunk->left = 0;
+    chunk->centroids[0] = chunk->centroids[1] = rti_empty_box;
+    for (k = 0; k < count; k++) {
+        bool left = rti_goes_left(b->binning, b->split, &refs[k]);
+        rti_grow_centroid(&chunk->centroids[left ? 0 : 1], &refs[k]);
+        chunk->left += left;
+    }
+}
+static void rti_chunk_scatter(void *context, size_t i)
+{
+    rti_builder *b = (rti_builder *)context;
+    rti_chunk *chunk = &b->chunks[i];
+    rti_ref *refs, *spare = b->spare + b->work->first;
+    size_t k, count = rti_chunk_range(b, i, &refs), left = chunk->left, right = chunk->right;
+    for (k = 0; k < count; k++) spare[rti_goes_left(b->binning, b->split, &refs[k]) ? left++ : right++] = refs[k];
+}
+static void rti_chunk_copy(void *context, size_t i)
+{
+    rti_builder *b = (rti_builder *)context;
+    rti_ref *refs;
+    size_t count = rti_chunk_range(b, i, &refs);
+    memcpy(refs, b->spare + (refs - b->refs), count * sizeof *refs);
+}
+static size_t rti_chunk_total(size_t count) { return (count + RTI_CHUNK - 1) / RTI_CHUNK; }
+
+static void rti_partition_chunks(rti_builder *b, const rti_work *work, const rti_binning *binning, const rti_split *split, rti_box centroids[2])
+{
+    size_t i, left = 0, right = split->left_count, chunks = rti_chunk_total(work->count);
+    b->work = work;
+    b->binning = binning;
+    b->split = split;
+    rti_for(b, chunks, rti_chunk_count, b);
+    centroids[0] = centroids[1] = rti_empty_box;
+    for (i = 0; i < chunks; i++) {
+        rti_chunk *chunk = &b->chunks[i];
+        size_t count = i + 1 < chunks ? RTI_CHUNK : work->count - i * RTI_CHUNK, lefts = chunk->left;
+        rti_box_grow(&centroids[0], chunk->centroids[0].lo, chunk->centroids[0].hi);
+        rti_box_grow(&centroids[1], chunk->centroids[1].lo, chunk->centroids[1].hi);
+        chunk->left = left;
+        chunk->right = right;
+        left += lefts;
+        right += count - lefts;
+    }
+    rti_for(b, chunks, rti_chunk_scatter, b);
+    rti_for(b, chunks, rti_chunk_copy, b);
+}
+
+static void rti_bounds_of(const rti_ref *refs, size_t count, rti_box *box, rti_box *centroids)
+{
+    size_t i;
+    *box = *centroids = rti_empty_box;
+    for (i = 0; i < count; i++) {
+        rti_box_grow(box, refs[i].lo, refs[i].hi);
+        rti_grow_centroid(centroids, &refs[i]);
+    }
+}
+
+/* A leaf holds one kind: refs of several kinds are put in order of kind, and split where the first kind ends. */
+static size_t rti_sort_kinds(const rti_builder *b, const rti_work *work)
+{
+    rti_ref *refs = b->refs + work->first;
+    size_t i, k, firsts = 0;
+    if (!rti_sphere_count(b->geo) && !rti_instance_count(b->geo)) return work->count;
+    for (i = 1; i < work->count; i++) {     /* insertion sort: at most RTI_MAX_LEAF refs */
+        rti_ref ref = refs[i];
+        for (k = i; k && refs[k - 1].kind > ref.kind; k--) refs[k] = refs[k - 1];
+        refs[k] = ref;
+    }
+    while (firsts < work->count && refs[firsts].kind == refs[0].kind) firsts++;
+    return firsts;
+}
+
+/* Writes pool[work->node]: a leaf (false), or an inner node with its children in parts (true). */
+static bool rti_split_node(rti_builder *b, const rti_work *work, bool chunked, rti_work parts[2])
+{
+    rti_node *node = &b->pool[work->node];
+    rti_box centroids[2];
+    rti_split split;
+    size_t left = 0;
+    bool have_parts = false;
+    memcpy(node->bounds[0], work->box.lo, sizeof node->bounds[0]);
+    memcpy(node->bounds[1], work->box.hi, sizeof node->bounds[1]);
+
+    /* SAH, unless so few levels are left that only halving is sure to end in time (2 levels are kept for rti_sort_kinds). */
+    if (work->count > 1 && work->depth + rti_ceil_log2(work->count) < RTI_MAX_DEPTH - 2) {
+        rti_bins bins, *all = &bins;
+        rti_binning binning = rti_make_binning(&work->centroids, work->count < 8 ? 8 : b->bins);
+        if (chunked) {
+            size_t i, chunks = rti_chunk_total(work->count);
+            b->work = work;
+            b->binning = &binning;
+            rti_for(b, chunks, rti_chunk_bin, b);
+            all = &b->chunks[0].bins;
+            for (i = 1; i < chunks; i++) rti_bins_merge(all, &b->chunks[i].bins, b->bins);
+        } else {
+            rti_bins_clear(all, binning.bins);
+            rti_bins_fill(all, &binning, b->refs + work->first, work->count);
+        }
+        if (rti_best_split(all, &binning, &split)) {
+            double area = rti_half_area(&work->box);
+            if (work->count > RTI_MAX_LEAF || RTI_TRAVERSAL_COST * area + split.cost < (double)work->count * area) {
+                if (chunked) rti_partition_chunks(b, work, &binning, &split, centroids);
+                else rti_partition(b, work, &binning, &split, centroids);
+                left = split.left_count;
+                parts[0].box = split.left;
+                parts[1].box = split.right;
+                have_parts = true;
+            }
+        }
+    }
+    if (!left && work->count > RTI_MAX_LEAF) left = work->count / 2;    /* all centroids equal, or too deep: halve as they stand */
+    if (!left) {
+        left = rti_sort_kinds(b, work);
+        if (left == work->count) {
+            node->index = (uint32_t)work->first;
+            node->count = b->refs[work->first].kind << RTI_KIND_SHIFT | (uint32_t)work->count;
+            return false;
+        }
+    }
+    parts[0].first = work->first;
+    parts[0].count = left;
+    parts[1].first = work->first + left;
+    parts[1].count = work->count - left;
+    node->index = (uint32_t)(2 * parts[1].first);
+    node->count = 0;
+    parts[0].node = node->index;
+    parts[1].node = node->index + 1;
+    parts[0].depth = parts[1].depth = work->depth + 1;
+    if (have_parts) {
+        parts[0].centroids = centroids[0];
+        parts[1].centroids = centroids[1];
+    } else {
+        rti_bounds_of(b->refs + parts[0].first, parts[0].count, &parts[0].box, &parts[0].centroids);
+        rti_bounds_of(b->refs + parts[1].first, parts[1].count, &parts[1].box, &parts[1].centroids);
+    }
+    return true;
+}
+
+static void rti_build_task(void *context, size_t index)
+{
+    rti_builder *b = (rti_builder *)context;
+    rti_work stack[RTI_MAX_DEPTH + 1], parts[2];
+    int top = 0;
+    stack[top++] = b->tasks[index];
+    while (top) {
+        rti_work work = stack[--top];
+        if (!rti_split_node(b, &work, false, parts)) continue;
+        RT_ASSERT(top + 2 <= RTI_MAX_DEPTH + 1);
+        stack[top++] = parts[1];
+        stack[top++] = parts[0];
+    }
+}
+
+static void rti_build_tree(rti_builder *b, const rti_work *root)
+{
+    rti_work stack[RTI_MAX_DEPTH + 1], parts[2];
+    int top = 0;
+    b->task_count = 0;
+    stack[top++] = *root;
+    while (top) {
+        rti_work work = stack[--top];
+        if (work.count <= RTI_TASK) {
+            b->tasks[b->task_count++] = work;
+        } else if (rti_split_node(b, &work, true, parts)) {
+            stack[top++] = parts[1];
+            stack[top++] = parts[0];
+        }
+        if (b->task_count == b->task_limit || !top) {                   /* bounded memory: at most task_limit wait */
+            rti_for(b, b->task_count, rti_build_task, b);
+            b->task_count = 0;
+        }
+    }
+}
+
+/* Copies the nodes that are in use from the pool to accel->nodes in depth-first order, numbers the leaf slots, and measures depth. */
+static void rti_flatten(rt_accel *accel, const rti_node *pool)
+{
+    struct { uint32_t from, to; int depth; } stack[RTI_MAX_DEPTH + 1];
+    uint32_t next = 1, slot[RTI_KINDS] = { 0, 0, 0 };
+    int top = 0;
+    stack[top].from = 0;
+    stack[top].to = 0;
+    stack[top++].depth = 0;
+    while (top) {
+        uint32_t from = stack[--top].from, to = stack[top].to;
+        int depth = stack[top].depth;
+        rti_node *node = &accel->nodes[to];
+        *node = pool[from];
+        if (depth > accel->depth) accel->depth = depth;
+        if (node->count) {
+            int kind = rti_leaf_kind(node);
+            node->index = slot[kind];
+            slot[kind] += rti_leaf_count(node);
+            continue;
+        }
+        stack[top].from = node->index + 1;
+        stack[top].to = next + 1;
+        stack[top++].depth = depth + 1;
+        stack[top].from = node->index;
+        stack[top].to = next;
+        stack[top++].depth = depth + 1;
+        node->index = next;
+        next += 2;
+    }
+}
+
+static size_t rti_count_nodes(const rti_node *pool)
+{
+    uint32_t stack[RTI_MAX_DEPTH + 1];
+    size_t count = 0;
+    int top = 0;
+    stack[top++] = 0;
+    while (top) {
+        const rti_node *node = &pool[stack[--top]];
+        count++;
+        if (node->count) continue;
+        stack[top++] = node->index + 1;
+        stack[top++] = node->index;
+    }
+    return count;
+}
+
+static void rti_set_root(rt_accel *accel)
+{
+    int k;
+    for (k = 0; k < 3; k++) {
+        accel->lower[k] = accel->node_count ? accel->nodes[0].bounds[0][k] : RTI_INFINITY;
+        accel->upper[k] = accel->node_count ? accel->nodes[0].bounds[1][k] : -RTI_INFINITY;
+    }
+}
+
+/* Slot contents from geo; prim ids are in place. */
+RTI_INLINE void rti_fill_triangle(rti_triangle *t, const rt_geometry *geo) { (void)rti_fetch_triangle(geo, t->prim, t->v); }
+
+#if RTI_SPHERES
+RTI_INLINE void rti_fill_ball(rti_ball *ball, const rt_geometry *geo)
+{
+    const rt_sphere *s = &geo->spheres[ball->prim - geo->triangle_count];
+    ball->center[0] = s->center.x;
+    ball->center[1] = s->center.y;
+    ball->center[2] = s->center.z;
+    ball->radius = s->radius;
+}
+#endif
+
+#if RTI_INSTANCES
+static void rti_fill_instance(rti_instance *i, const rt_geometry *geo)
+{
+    const rt_instance *from = &geo->instances[i->prim - geo->triangle_count - rti_sphere_count(geo)];
+    i->accel = from->accel;
+    memcpy(i->transform, from->transform, sizeof i->transform);
+    (void)rti_invert(i->transform, i->inverse);
+}
+#endif
+
+/* How far, beyond its own box, rounding can carry a hit inside an instance: a ray from o errs by at most 2^-24 spread (|o| + extent) in
+   world space, see rti_prepare. Through one instance M the transformed origin and direction err by 2 units of 2^-24 each, stretched
+   by C = |M| |M^-1|; the child's own error (16 units of |o'| + extent', plus its spread) comes back stretched too. */
+static void rti_set_reach(rt_accel *accel)
+{
+    int k;
+    accel->extent = accel->spread = 0;
+    accel->nesting = 0;
+    for (k = 0; k < 3 && accel->node_count; k++) {
+        float m = fabsf(accel->lower[k]) > fabsf(accel->upper[k]) ? fabsf(accel->lower[k]) : fabsf(accel->upper[k]);
+        if (m > accel->extent) accel->extent = m;
+    }
+#if RTI_INSTANCES
+    {
+        size_t i;
+        for (i = 0; i < accel->slots[RTI_INSTANCE]; i++) {
+            const rti_instance *in = &accel->instances[i];
+            double stretch = rti_stretch(in->transform), c = stretch * rti_stretch(in->inverse);
+            double extent = stretch * (double)in->accel->extent, spread = c * (40 + 2 * (double)in->accel->spread);
+            for (k = 0; k < 3; k++)
+                if (extent < fabs((double)in->transform[4 * k + 3])) extent = fabs((double)in->transform[4 * k + 3]);
+            extent *= 2;                    /* stretch * child + |translation| */
+            if (extent > (double)accel->extent) accel->extent = rti_float_up(extent);
+            if (spread > (double)accel->spread) accel->spread = spread < 1e30 ? rti_float_up(spread) : 1e30f;
+            if (in->accel->nesting + 1 > accel->nesting) accel->nesting = in->accel->nesting + 1;
+        }
+    }
+#endif
+}
+
+typedef struct {
+    const rt_geometry *geo;
+    rti_ref *refs;
+    size_t total;
+    size_t *bad;                            /* first bad primitive of each chunk, or total */
+    size_t *left_out;                       /* primitives of each chunk that are bad or empty */
+    bool skip;
+} rti_gather;
+
+static void rti_gather_chunk(void *context, size_t chunk)
+{
+    rti_gather *g = (rti_gather *)context;
+    size_t i = chunk * RTI_CHUNK, end = g->total - i < RTI_CHUNK ? g->total : i + RTI_CHUNK;
+    g->bad[chunk] = g->total;
+    g->left_out[chunk] = 0;
+    for (; i < end; i++) {
+        rti_ref *ref = &g->refs[i];
+        rti_box box;
+        int kind;
+        bool good = rti_prim_box(g->geo, i, &box, &kind) == NULL;
+        memcpy(ref->lo, box.lo, sizeof ref->lo);
+        memcpy(ref->hi, box.hi, sizeof ref->hi);
+        ref->kind = (uint32_t)kind;
+        ref->prim = good && box.lo[0] <= box.hi[0] ? (uint32_t)i : RT_NONE;
+        if (ref->prim == RT_NONE) g->left_out[chunk]++;
+        if (!good && g->bad[chunk] == g->total) g->bad[chunk] = i;
+    }
+}
+
+static void rti_free_accel(rt_accel *accel)
+{
+    void *user = accel->memory_user;
+    rti_release(accel->nodes, user);
+    rti_release(accel->triangles, user);
+    rti_release(accel->triangle_ids, user);
+#if RTI_SPHERES
+    rti_release(accel->balls, user);
+    rti_release(accel->ball_ids, user);
+#endif
+#if RTI_INSTANCES
+    rti_release(accel->instances, user);
+    rti_release(accel->instance_slots, user);
+    rti_release(accel->instance_bases, user);
+#endif
+    rti_release(accel, user);
+}
+
+/* Names every instance: base_0 = 0, base_(j+1) = base_j + 1 + paths(child_j). */
+static rt_status rti_number_instances(rt_accel *accel, const rt_geometry *geo, rt_error *error)
+{
+#if RTI_INSTANCES
+    uint64_t next = 0;
+    size_t i, n = geo->instance_count;
+    if (!n) return RT_OK;
+    accel->instance_slots = (uint32_t *)rti_alloc(n, sizeof(uint32_t), accel->memory_user);
+    accel->instance_bases = (uint32_t *)rti_alloc(n, sizeof(uint32_t), accel->memory_user);
+    if (!accel->instance_slots || !accel->instance_bases) return RTI_FAIL(error, RT_ERROR_MEMORY, RT_NONE, "out of memory");
+    accel->bytes += 2 * n * sizeof(uint32_t);
+    for (i = 0; i < n; i++) {
+        const rt_accel *child = geo->instances[i].accel;
+        accel->instance_slots[i] = RT_NONE;
+        accel->instance_bases[i] = (uint32_t)next;
+        if (child && child->nesting + 1 > RT_MAX_NESTING)
+            return RTI_FAIL(error, RT_ERROR_LIMIT, (uint32_t)(geo->triangle_count + rti_sphere_count(geo) + i),
+                            "instance %lu nests deeper than RT_MAX_NESTING (%d)", (unsigned long)i, RT_MAX_NESTING);
+        next += 1 + (child ? (uint64_t)child->paths : 0);
+        if (next >= RT_NONE) return RTI_FAIL(error, RT_ERROR_LIMIT, RT_NONE, "more paths through nested instances than 32 bits can number");
+    }
+    accel->paths = (uint32_t)next;
+#else
+    (void)accel, (void)geo, (void)error;
+#endif
+    return RT_OK;
+}
+
+typedef struct { rt_accel *accel; const rt_geometry *geo; } rti_fill;
+
+static void rti_fill_chunk(void *context, size_t chunk)
+{
+    rti_fill *fill = (rti_fill *)context;
+    size_t i = chunk * RTI_CHUNK, n = fill->accel->slots[RTI_TRIANGLE], end = n - i < RTI_CHUNK ? n : i + RTI_CHUNK;
+    for (; i < end; i++) rti_fill_triangle(&fill->accel->triangles[i], fill->geo);
+}
+
+/* Allocates the arrays of each kind and fills them from the refs, which stand in leaf order. */
+static bool rti_fill_slots(rt_accel *accel, const rt_geometry *geo, const rti_ref *refs, size_t count, bool reference, const rti_builder *b)
+{
+    void *user = accel->memory_user;
+    size_t i, next[RTI_KINDS] = { 0, 0, 0 };
+    for (i = 0; i < count; i++) accel->slots[refs[i].kind]++;
+    if (reference) accel->triangle_ids = (uint32_t *)rti_alloc(accel->slots[RTI_TRIANGLE], sizeof(uint32_t), user);
+    else accel->triangles = (rti_triangle *)rti_alloc(accel->slots[RTI_TRIANGLE], sizeof(rti_triangle), user);
+    if (!accel->triangles && !accel->triangle_ids) return false;
+    accel->bytes += accel->slots[RTI_TRIANGLE] * (reference ? sizeof(uint32_t) : sizeof(rti_triangle));
+#if RTI_SPHERES
+    if (accel->slots[RTI_SPHERE]) {
+        if (reference) accel->ball_ids = (uint32_t *)rti_alloc(accel->slots[RTI_SPHERE], sizeof(uint32_t), user);
+        else accel->balls = (rti_ball *)rti_alloc(accel->slots[RTI_SPHERE], sizeof(rti_ball), user);
+        if (!accel->balls && !accel->ball_ids) return false;
+        accel->bytes += accel->slots[RTI_SPHERE] * (reference ? sizeof(uint32_t) : sizeof(rti_ball));
+    }
+#endif
+#if RTI_INSTANCES
+    if (accel->slots[RTI_INSTANCE]) {
+        accel->instances = (rti_instance *)rti_alloc(accel->slots[RTI_INSTANCE], sizeof(rti_instance), user);
+        if (!accel->instances) return false;
+        accel->bytes += accel->slots[RTI_INSTANCE] * sizeof(rti_instance);
+    }
+#endif
+    for (i = 0; i < count; i++) {           /* leaves of one kind stand in ref order: slots count up */
+        uint32_t prim = refs[i].prim;
+        size_t slot = next[refs[i].kind]++;
+        switch (refs[i].kind) {
+        case RTI_TRIANGLE:
+            if (reference) accel->triangle_ids[slot] = prim;
+            else accel->triangles[slot].prim = prim;
+            break;
+#if RTI_SPHERES
+        case RTI_SPHERE:
+            if (reference) accel->ball_ids[slot] = prim;
+            else {
+                accel->balls[slot].prim = prim;
+                rti_fill_ball(&accel->balls[slot], geo);
+            }
+            break;
+#endif
+#if RTI_INSTANCES
+        case RTI_INSTANCE: {
+            size_t number = prim - geo->triangle_count - rti_sphere_count(geo);
+            accel->instances[slot].prim = prim;
+            accel->instances[slot].base = accel->instance_bases[number];
+            accel->instance_slots[number] = (uint32_t)slot;
+            rti_fill_instance(&accel->instances[slot], geo);
+            break;
+        }
+#endif
+        default: break;
+        }
+    }
+    if (!reference) {
+        rti_fill fill;
+        fill.accel = accel;
+        fill.geo = geo;
+        rti_for(b, rti_chunk_total(accel->slots[RTI_TRIANGLE]), rti_fill_chunk, &fill);
+    }
+    return true;
+}
+
+static rt_status rti_build_bvh(rt_accel *accel, const rt_geometry *geo, const rt_build_options *opt)
+{
+    void *user = opt->memory_user;
+    size_t total = geo->triangle_count + rti_sphere_count(geo) + rti_instance_count(geo), chunks = rti_chunk_total(total), i, count = 0;
+    rti_gather gather;
+    rti_builder b;
+    rti_work root;
+    rt_status status = RT_ERROR_MEMORY;
+
+    memset(&b, 0, sizeof b);
+    b.geo = geo;
+    b.bins = opt->quality == RT_BUILD_FAST ? 8 : opt->quality == RT_BUILD_HIGH ? 32 : 16;
+    b.parallel_for = opt->parallel_for;
+    b.parallel_user = opt->parallel_user;
+    b.refs = (rti_ref *)rti_alloc(total, sizeof(rti_ref), user);
+    gather.geo = geo;
+    gather.refs = b.refs;
+    gather.total = total;
+    gather.skip = opt->skip_invalid;
+    gather.bad = (size_t *)rti_alloc(chunks, 2 * sizeof(size_t), user);
+    if (!b.refs || !gather.bad) goto out;
+    gather.left_out = gather.bad + chunks;
+    rti_for(&b, chunks, rti_gather_chunk, &gather);
+    for (i = 0; i < chunks; i++) {
+        if (gather.bad[i] < total && !opt->skip_invalid) {
+            status = rti_bad_prim(opt->error, geo, gather.bad[i]);
+            goto out;
+        }
+        count += gather.left_out[i];
+    }
+    if (count) {                            /* close the gaps */
+        size_t left = 0;
+        for (i = 0; i < total; i++)
+            if (b.refs[i].prim != RT_NONE) b.refs[left++] = b.refs[i];
+        for (i = 0; i < total && opt->skip_invalid; i++) {
+            rti_box box;
+            int kind;
+            if (rti_prim_box(geo, i, &box, &kind)) accel->skipped++;
+        }
+        count = left;
+    } else count = total;
+    if (!count) {
+        rti_set_root(accel);
+        rti_set_reach(accel);
+        status = RT_OK;
+        goto out;
+    }
+
+    b.task_limit = count <= RTI_TASK ? 1 : 1024;
+    b.spare = (rti_ref *)rti_alloc(count, sizeof(rti_ref), user);
+    b.pool = (rti_node *)rti_alloc(count, 2 * sizeof(rti_node), user);
+    b.tasks = (rti_work *)rti_alloc(b.task_limit, sizeof(rti_work), user);
+    b.chunks = (rti_chunk *)rti_alloc(count <= RTI_TASK ? 1 : rti_chunk_total(count), sizeof(rti_chunk), user);
+    if (!b.spare || !b.pool || !b.tasks || !b.chunks) goto out;
+    memset(&root, 0, sizeof root);
+    root.count = count;
+    rti_bounds_of(b.refs, count, &root.box, &root.centroids);
+    rti_build_tree(&b, &root);
+
+    rti_release(b.spare, user);
+    b.spare = NULL;
+    accel->node_count = rti_count_nodes(b.pool);
+    accel->nodes = (rti_node *)rti_alloc(accel->node_count, sizeof(rti_node), user);
+    if (!accel->nodes) goto out;
+    accel->bytes += accel->node_count * sizeof(rti_node);
+    rti_flatten(accel, b.pool);
+    rti_release(b.pool, user);
+    b.pool = NULL;
+    if (!rti_fill_slots(accel, geo, b.refs, count, opt->reference, &b)) goto out;
+    rti_set_root(accel);
+    rti_set_reach(accel);
+    status = RT_OK;
+out:
+    rti_release(gather.bad, user);
+    rti_release(b.refs, user);
+    rti_release(b.spare, user);
+    rti_release(b.pool, user);
+    rti_release(b.tasks, user);
+    rti_release(b.chunks, user);
+    return status == RT_ERROR_MEMORY ? RTI_FAIL(opt->error, status, RT_NONE, "out of memory for %lu primitives", (unsigned long)total) : status;
+}
+
+RT_API rt_status rt_build(rt_accel **out, const rt_geometry *geo, const rt_build_options *opt)
+{
+    rt_build_options defaults;
+    static const char *const structures[] = {
+#define RTI_NAME(name, text) text,
+        RT_STRUCTURE_LIST(RTI_NAME)
+    };
+    rt_accel *accel;
+    rt_status status;
+    if (!opt) {
+        memset(&defaults, 0, sizeof defaults);
+        opt = &defaults;
+    }
+    if (!out) return RTI_FAIL(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "out is NULL");
+    *out = NULL;
+    if ((unsigned)opt->structure >= RT_STRUCTURE_COUNT)
+        return RTI_FAIL(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "structure %d is none of rt_structure", (int)opt->structure);
+    if ((unsigned)opt->quality > RT_BUILD_HIGH)
+        return RTI_FAIL(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "quality %d is none of rt_quality", (int)opt->quality);
+    if (opt->structure != RT_BVH)
+        return RTI_FAIL(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "structure %s is not built yet", structures[opt->structure]);
+    if ((status = rti_check_geometry(geo, opt->error)) != RT_OK) return status;
+
+    accel = (rt_accel *)rti_alloc(1, sizeof *accel, opt->memory_user);
+    if (!accel) return RTI_FAIL(opt->error, RT_ERROR_MEMORY, RT_NONE, "out of memory");
+    memset(accel, 0, sizeof *accel);
+    accel->memory_user = opt->memory_user;
+    accel->bytes = sizeof *accel;
+    accel->geo = *geo;
+    if (!opt->reference) {
+        accel->geo.vertices = NULL;
+        accel->geo.indices = NULL;
+#if RTI_SPHERES
+        accel->geo.spheres = NULL;
+#endif
+    }
+#if RTI_INSTANCES
+    accel->geo.instances = NULL;            /* always copied */
+#endif
+    status = rti_number_instances(accel, geo, opt->error);
+    if (status == RT_OK) status = rti_build_bvh(accel, geo, opt);
+    if (status != RT_OK) rti_free_accel(accel);
+    else *out = accel;
+    return status;
+}
+
+RT_API void rt_free(rt_accel *accel)
+{
+    if (accel) rti_free_accel(accel);
+}
+
+/* ---- >>refit -------------------------------------------------------------------------------------------------------- */
+
+static uint32_t rti_slot_prim(const rt_accel *accel, int kind, size_t slot)
+{
+    if (kind == RTI_TRIANGLE) return accel->triangles ? accel->triangles[slot].prim : accel->triangle_ids[slot];
+#if RTI_SPHERES
+    if (kind == RTI_SPHERE) return accel->balls ? accel->balls[slot].prim : accel->ball_ids[slot];
+#endif
+#if RTI_INSTANCES
+    if (kind == RTI_INSTANCE) return accel->instances[slot].prim;
+#endif
+    return RT_NONE;
+}
+
+/* The leaf's primitives must be good. */
+static rti_box rti_leaf_box(const rt_accel *accel, const rt_geometry *geo, const rti_node *leaf)
+{
+    rti_box box = rti_empty_box, prim_box;
+    uint32_t i;
+    int kind;
+    for (i = 0; i < rti_leaf_count(leaf); i++) {
+        (void)rti_prim_box(geo, rti_slot_prim(accel, rti_leaf_kind(leaf), leaf->index + i), &prim_box, &kind);
+        rti_box_grow(&box, prim_box.lo, prim_box.hi);
+    }
+    return box;
+}
+
+RT_API rt_status rt_refit_error(rt_accel *accel, const rt_geometry *geo, rt_error *error)
+{
+    size_t i, bad = SIZE_MAX;
+    int kind, k;
+    rt_status status;
+    if (!accel) return RTI_FAIL(error, RT_ERROR_ARGUMENT, RT_NONE, "accel is NULL");
+    if ((status = rti_check_geometry(geo, error)) != RT_OK) return status;
+    if (geo->triangle_count != accel->geo.triangle_count || rti_sphere_count(geo) != rti_sphere_count(&accel->geo) ||
+        rti_instance_count(geo) != rti_instance_count(&accel->geo))
+        return RTI_FAIL(error, RT_ERROR_ARGUMENT, RT_NONE, "the counts differ from those accel was built from: build a new one");
+
+    for (kind = 0; kind < RTI_KINDS; kind++)            /* look at everything before anything changes */
+        for (i = 0; i < accel->slots[kind]; i++) {
+            uint32_t prim = rti_slot_prim(accel, kind, i);
+            rti_box box;
+            int prim_kind;
+            if (prim < bad && rti_prim_box(geo, prim, &box, &prim_kind)) bad = prim;
+        }
+    if (bad != SIZE_MAX) return rti_bad_prim(error, geo, bad);
+#if RTI_INSTANCES
+    for (i = 0; i < accel->slots[RTI_INSTANCE]; i++) {
+        const rti_instance *in = &accel->instances[i];
+        size_t number = in->prim - geo->triangle_count - rti_sphere_count(geo);
+        const rt_accel *child = geo->instances[number].accel;
+        uint32_t paths = (number + 1 < geo->instance_count ? accel->instance_bases[number + 1] : accel->paths) - in->base - 1;
+        if (!child->node_count || child->paths != paths || child->nesting + 1 > RT_MAX_NESTING)
+            return RTI_FAIL(error, RT_ERROR_ARGUMENT, in->prim, "instance %lu now shows an accel that is empty or nests otherwise: build a new one",
+                            (unsigned long)number);
+    }
+#endif
+    if (accel->triangles)
+        for (i = 0; i < accel->slots[RTI_TRIANGLE]; i++) rti_fill_triangle(&accel->triangles[i], geo);
+    else {
+        accel->geo.vertices = geo->vertices;
+        accel->geo.indices = geo->indices;
+    }
+    accel->geo.vertex_count = geo->vertex_count;
+    accel->geo.vertex_stride = geo->vertex_stride;
+#if RTI_SPHERES
+    if (accel->balls)
+        for (i = 0; i < accel->slots[RTI_SPHERE]; i++) rti_fill_ball(&accel->balls[i], geo);
+    else if (accel->ball_ids) accel->geo.spheres = geo->spheres;
+#endif
+#if RTI_INSTANCES
+    for (i = 0; i < accel->slots[RTI_INSTANCE]; i++) rti_fill_instance(&accel->instances[i], geo);
+#endif
+    for (i = accel->node_count; i-- > 0;) {             /* children stand behind their parents */
+        rti_node *node = &accel->nodes[i];
+        rti_box box;
+        if (node->count) box = rti_leaf_box(accel, geo, node);
+        else
+            for (k = 0; k < 3; k++) {
+                const rti_node *a = &accel->nodes[node->index], *b = a + 1;
+                box.lo[k] = a->bounds[0][k] < b->bounds[0][k] ? a->bounds[0][k] : b->bounds[0][k];
+                box.hi[k] = a->bounds[1][k] > b->bounds[1][k] ? a->bounds[1][k] : b->bounds[1][k];
+            }
+        memcpy(node->bounds[0], box.lo, sizeof node->bounds[0]);
+        memcpy(node->bounds[1], box.hi, sizeof node->bounds[1]);
+    }
+    rti_set_root(accel);
+    rti_set_reach(accel);
+    return RT_OK;
+}
+
+RT_API rt_status rt_refit(rt_accel *accel, const rt_geometry *geo) { return rt_refit_error(accel, geo, NULL); }
+
+/* ---- >>info --------------------------------------------------------------------------------------------------------- */
+
+RT_API void rt_get_info(const rt_accel *accel, rt_info *info)
+{
+    double area = 0;
+    size_t i;
+    memset(info, 0, sizeof *info);
+    info->structure = RT_BVH;
+    info->triangles = accel->geo.triangle_count;
+    info->spheres = rti_sphere_count(&accel->geo);
+    info->instances = rti_instance_count(&accel->geo);
+    info->skipped = accel->skipped;
+    info->nodes = accel->node_count;
+    info->depth = accel->depth;
+    info->nesting = accel->nesting;
+    info->bytes = accel->bytes;
+    info->lower.x = accel->lower[0];
+    info->lower.y = accel->lower[1];
+    info->lower.z = accel->lower[2];
+    info->upper.x = accel->upper[0];
+    info->upper.y = accel->upper[1];
+    info->upper.z = accel->upper[2];
+    for (i = 0; i < accel->node_count; i++) {
+        const rti_node *node = &accel->nodes[i];
+        rti_box box;
+        double part;
+        memcpy(box.lo, node->bounds[0], sizeof node->bounds[0]);
+        memcpy(box.hi, node->bounds[1], sizeof node->bounds[1]);
+        part = rti_half_area(&box);
+        if (!i) area = part;
+        part = area > 0 ? part / area : 1;
+        if (node->count) {
+            uint32_t count = rti_leaf_count(node);
+            info->leaves++;
+            info->sah += part * (double)count;
+            if (count > info->max_leaf) info->max_leaf = count;
+        } else info->sah += part * RTI_TRAVERSAL_COST;
+    }
+}
+
+#if RTI_INSTANCES
+/* The number of the instance of accel that the path inst (< paths) goes through: the last whose base is not above it. */
+static size_t rti_find_instance(const rt_accel *accel, uint32_t inst)
+{
+    size_t lo = 0, hi = accel->geo.instance_count;
+    while (hi - lo > 1) {
+        size_t mid = lo + (hi - lo) / 2;
+        if (accel->instance_bases[mid] <= inst) lo = mid;
+        else hi = mid;
+    }
+    return lo;
+}
+
+RT_API bool rt_instance_transform(const rt_accel *accel, uint32_t inst, float transform[12], float normal[9])
+{
+    double m[12] = { 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0 };
+    float f[12], inverse[12];
+    int i, j;
+    while (inst != RT_NONE) {               /* one level of the path a turn; outer * inner */
+        const rti_instance *in;
+        double c[12];
+        uint32_t slot;
+        if (inst >= accel->paths) return false;
+        slot = accel->instance_slots[rti_find_instance(accel, inst)];
+        if (slot == RT_NONE) return false;
+        in = &accel->instances[slot];
+        for (i = 0; i < 3; i++)
+            for (j = 0; j < 4; j++)
+                c[4 * i + j] = m[4 * i] * (double)in->transform[j] + m[4 * i + 1] * (double)in->transform[4 + j] +
+                               m[4 * i + 2] * (double)in->transform[8 + j] + (j == 3 ? m[4 * i + 3] : 0);
+        memcpy(m, c, sizeof m);
+        inst = inst - in->base - 1;         /* RT_NONE where the path ends here */
+        accel = in->accel;
+    }
+    for (i = 0; i < 12; i++) f[i] = (float)m[i];
+    if (transform) memcpy(transform, f, sizeof f);
+    if (normal) {
+        if (!rti_invert(f, inverse)) return false;
+        for (i = 0; i < 3; i++)
+            for (j = 0; j < 3; j++) normal[3 * i + j] = inverse[4 * j + i];
+    }
+    return true;
+}
+#endif
+
+/* ---- >>ray ---------------------------------------------------------------------------------------------------------- */
+
+/* What a traversal does, as constants that the compiler folds into one body a combination. */
+#define RTI_WALK_ANY   1                    /* stop at the first hit */
+#define RTI_WALK_ALL   2                    /* leaves may hold spheres and instances */
+#define RTI_WALK_COUNT 4                    /* fill rt_stats */
+
+#if !RTI_STATS
+typedef struct { uint64_t unused; } rt_stats;
+#endif
+#if RTI_STATS
+#define RTI_TALLY(field, n) do { if (flags & RTI_WALK_COUNT) stats->field += (uint64_t)(n); } while (0)
+#else
+#define RTI_TALLY(field, n) ((void)0)
+#endif
+
+typedef struct {
+    rt_query query;
+    bool adaptive;                          /* RT_AUTO: packets whose directions disagree go on as single rays */
+    rt_stats *stats;
+} rti_job;
+
+typedef void (*rti_batch_function)(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits);
+
+static void rti_set_miss(rt_hit *hit)
+{
+    hit->t = RTI_INFINITY;
+    hit->u = hit->v = 0;
+    hit->prim = hit->inst = RT_NONE;
+}
+
+static void rti_set_any(rt_hit *hit)        /* the same from every algorithm, whichever hit it met first */
+{
+    hit->t = hit->u = hit->v = 0;
+    hit->prim = 0;
+    hit->inst = RT_NONE;
+}
+
+RTI_INLINE int rti_bit_count(unsigned bits)
+{
+    int n = 0;
+    for (; bits; bits &= bits - 1) n++;
+    return n;
+}
+RTI_INLINE int rti_lowest_bit(unsigned bits)
+{
+    int n = 0;
+    while (!(bits >> n & 1)) n++;
+    return n;
+}
+
+/* ---- >>passes ------------------------------------------------------------------------------------------------------- */
+
+#define RTI_PASTE2(a, b) a##b
+#define RTI_PASTE(a, b) RTI_PASTE2(a, b)
+
+/* This file again, once a width: 1 ray, 4 rays, 8 rays. */
+#define RTI_PASS
+#define RTI_WIDTH 1
+#define RTI_LANES RTI_LANES_FLOAT
+#define RTI_SUFFIX _1
+#define RTI_TARGET
+#define RTI_LANES_FLOAT 1
+#define RTI_LANES_ARRAY 2
+#define RTI_LANES_SSE2  3
+#define RTI_LANES_AVX2  4
+#include RT_SELF
+#undef RTI_WIDTH
+#undef RTI_LANES
+#undef RTI_SUFFIX
+#undef RTI_TARGET
+
+#if RTI_PACKETS
+#define RTI_WIDTH 4
+#define RTI_SUFFIX _4
+#define RTI_TARGET
+#if RTI_X86
+#define RTI_LANES RTI_LANES_SSE2
+#else
+#define RTI_LANES RTI_LANES_ARRAY
+#endif
+#include RT_SELF
+#undef RTI_WIDTH
+#undef RTI_LANES
+#undef RTI_SUFFIX
+#undef RTI_TARGET
+
+#if RTI_X86
+#define RTI_WIDTH 8
+#define RTI_LANES RTI_LANES_AVX2
+#define RTI_SUFFIX _8
+#if defined(__GNUC__) || defined(__clang__)
+#define RTI_TARGET __attribute__((target("avx2,fma")))
+#else
+#define RTI_TARGET
+#endif
+#include RT_SELF
+#undef RTI_WIDTH
+#undef RTI_LANES
+#undef RTI_SUFFIX
+#undef RTI_TARGET
+#endif
+#endif
+#undef RTI_PASS
+
+/* ---- >>algorithms --------------------------------------------------------------------------------------------------- */
+
+/* The code behind RT_ALGORITHM_LIST: which of them are built, and from which widths. */
+static const rt_algorithm_info rti_algorithms[] = {
+#define RTI_BUILT(a) ((a) == RT_AUTO || (a) == RT_BVH_STACK || (RTI_PACKETS && (a) == RT_BVH_SIMD))
+#define RTI_PACKET(a) (RTI_PACKETS && ((a) == RT_AUTO || (a) == RT_BVH_SIMD))
+#define RTI_ROW(name, text, structure, what) { text, what, name, structure, RTI_BUILT(name), RTI_PACKET(name) },
+    RT_ALGORITHM_LIST(RTI_ROW)
+};
+
+RT_API const rt_algorithm_info *rt_algorithm_get(size_t i) { return i < RT_ALGORITHM_COUNT ? &rti_algorithms[i] : NULL; }
+
+RT_API rt_isa rt_best_isa(void)
+{
+#if RTI_X86 && RTI_PACKETS
+    return rti_has_avx2() ? RT_ISA_AVX2 : RT_ISA_SSE2;
+#elif RTI_X86
+    return RT_ISA_SSE2;
+#else
+    return RT_ISA_SCALAR;
+#endif
+}
+
+/* The batch function for width rays side by side, in the rt_packet_widths sense; NULL: not on this processor or with this isa. */
+static rti_batch_function rti_batch_of(rt_algorithm algorithm, int width, rt_isa isa)
+{
+    bool single = algorithm == RT_AUTO || algorithm == RT_BVH_STACK, packet = rti_algorithms[algorithm].packets;
+    if (isa == RT_ISA_AUTO) isa = rt_best_isa();
+    if (single && width == 1) return rti_batch_1;
+#if RTI_PACKETS
+    if (packet && width == 2) return rti_batch_4;
+#if RTI_X86
+    if (packet && width == 8 && isa == RT_ISA_AVX2) return rti_batch_8;
+#endif
+#endif
+    (void)packet;
+    return NULL;
+}
+
+static size_t rti_widths(rt_algorithm algorithm, rt_isa isa, int *widths, size_t max)
+{
+    static const int all[] = { 1, 2, 8 };
+    size_t i, n = 0;
+    for (i = 0; i < sizeof all / sizeof all[0]; i++)
+        if (rti_batch_of(algorithm, all[i], isa)) {
+            if (n < max) widths[n] = all[i];
+            n++;
+        }
+    return n;
+}
+
+RT_API size_t rt_packet_widths(rt_algorithm algorithm, int *widths, size_t max)
+{
+    return (unsigned)algorithm < RT_ALGORITHM_COUNT ? rti_widths(algorithm, RT_ISA_AUTO, widths, max) : 0;
+}
+
+/* ---- >>public ------------------------------------------------------------------------------------------------------- */
+
+RT_API const char *rt_status_string(rt_status status)
+{
+    static const char *const texts[] = {
+#define RTI_TEXT(name, text) text,
+        RT_STATUS_LIST(RTI_TEXT)
+    };
+    return (unsigned)status < RT_STATUS_COUNT ? texts[status] : "unknown status";
+}
+
+RT_API bool rt_intersect(const rt_accel *accel, const rt_ray *ray, rt_hit *hit)
+{
+    static const rti_job job = { RT_CLOSEST, false, NULL };
+    rti_batch_1(accel, &job, ray, 1, hit);
+    return hit->prim != RT_NONE;
+}
+
+RT_API bool rt_occluded(const rt_accel *accel, const rt_ray *ray)
+{
+    static const rti_job job = { RT_ANY, false, NULL };
+    rt_hit hit;
+    rti_batch_1(accel, &job, ray, 1, &hit);
+    return hit.prim != RT_NONE;
+}
+
+/* Resolves and checks everything of opt once: the batch function, or an error. */
+static rt_status rti_choose(const rt_trace_options *opt, rti_batch_function *batch)
+{
+    static const char *const structures[] = {
+        RT_STRUCTURE_LIST(RTI_NAME)
+        "any"
+    };
+    static const char *const isas[] = {
+        RT_ISA_LIST(RTI_NAME)
+    };
+    const rt_algorithm_info *info;
+    int widths[8];
+    size_t n, i;
+    bool has_isa;
+    if ((unsigned)opt->algorithm >= RT_ALGORITHM_COUNT)
+        return RTI_FAIL(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %d is none of rt_algorithm", (int)opt->algorithm);
+    if ((unsigned)opt->cull >= RT_CULL_COUNT)
+        return RTI_FAIL(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "cull %d is none of rt_cull", (int)opt->cull);
+    if ((unsigned)opt->query > RT_ANY) return RTI_FAIL(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "query %d is none of rt_query", (int)opt->query);
+    if ((unsigned)opt->isa >= RT_ISA_COUNT) return RTI_FAIL(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "isa %d is none of rt_isa", (int)opt->isa);
+    info = &rti_algorithms[opt->algorithm];
+    if (!info->built)
+        return RTI_FAIL(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "algorithm %s (structure %s) is not built", info->name, structures[info->structure]);
+    if (opt->cull != RT_CULL_NONE)
+        return RTI_FAIL(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s has no frustum to cull with: cull must be none", info->name);
+    has_isa = RTI_X86 ? opt->isa != RT_ISA_SCALAR && (opt->isa != RT_ISA_AVX2 || rt_best_isa() == RT_ISA_AVX2)
+                      : opt->isa == RT_ISA_AUTO || opt->isa == RT_ISA_SCALAR;
+    if (!has_isa) return RTI_FAIL(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "isa %s is not built or not on this processor", isas[opt->isa]);
+    n = rti_widths(opt->algorithm, opt->isa, widths, 8);
+    *batch = opt->packet_width ? rti_batch_of(opt->algorithm, opt->packet_width, opt->isa) : rti_batch_of(opt->algorithm, widths[n - 1], opt->isa);
+    if (!*batch) {
+        char list[64];
+        size_t used = 0;
+        for (i = 0; i < n; i++) used += (size_t)snprintf(list + used, sizeof list - used, i ? ", %d" : "%d", widths[i]);
+        return RTI_FAIL(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s takes packet_width 0 (default) or one of: %s; not %d", info->name, list,
+                        opt->packet_width);
+    }
+    return RT_OK;
+}
+
+RT_API rt_status rt_trace(const rt_accel *accel, const rt_trace_options *opt, const rt_ray *rays, size_t count, rt_hit *hits)
+{
+    rt_trace_options defaults;
+    rti_batch_function batch;
+    rti_job job;
+    rt_status status;
+    if (!opt) {
+        memset(&defaults, 0, sizeof defaults);
+        opt = &defaults;
+    }
+    if (!accel) return RTI_FAIL(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "accel is NULL");
+    if (count && (!rays || !hits)) return RTI_FAIL(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", rays ? "hits" : "rays");
+    if ((status = rti_choose(opt, &batch)) != RT_OK) return status;
+    job.query = opt->query;
+    job.adaptive = opt->algorithm == RT_AUTO;
+#if RTI_STATS
+    job.stats = opt->stats;
+#else
+    job.stats = NULL;
+#endif
+    batch(accel, &job, rays, count, hits);
+    return RT_OK;
+}
+
+/* ---- >>shading ------------------------------------------------------------------------------------------------------ */
+
+#ifndef RT_NO_SHADING
+
+static rt_vec3 rti_vec3(float x, float y, float z)
+{
+    rt_vec3 v;
+    v.x = x;
+    v.y = y;
+    v.z = z;
+    return v;
+}
+static rt_vec3 rti_add(rt_vec3 a, rt_vec3 b) { return rti_vec3(a.x + b.x, a.y + b.y, a.z + b.z); }
+static rt_vec3 rti_sub(rt_vec3 a, rt_vec3 b) { return rti_vec3(a.x - b.x, a.y - b.y, a.z - b.z); }
+static rt_vec3 rti_mul(rt_vec3 a, rt_vec3 b) { return rti_vec3(a.x * b.x, a.y * b.y, a.z * b.z); }
+static rt_vec3 rti_scale(rt_vec3 a, float s) { return rti_vec3(a.x * s, a.y * s, a.z * s); }
+static float rti_dot(rt_vec3 a, rt_vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+static rt_vec3 rti_cross(rt_vec3 a, rt_vec3 b) { return rti_vec3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x); }
+static float rti_largest(rt_vec3 a)
+{
+    float x = fabsf(a.x), y = fabsf(a.y), z = fabsf(a.z);
+    return x > y ? (x > z ? x : z) : (y > z ? y : z);
+}
+
+/* Scaled first, so that neither 1e18 nor 1e-30 leaves the range when squared. The zero vector stays. */
+static rt_vec3 rti_normalize(rt_vec3 a)
+{
+    float m = rti_largest(a);
+    if (!(m > 0)) return a;
+    a = rti_vec3(a.x / m, a.y / m, a.z / m);
+    return rti_scale(a, 1 / sqrtf(rti_dot(a, a)));
+}
+
+/* right and down are a pixel's steps, corner the direction of the picture's top left corner, at depth 1. */
+typedef struct { rt_vec3 eye, corner, right, down; } rti_view;
+
+static rti_view rti_make_view(const rt_camera *camera, int width, int height)
+{
+    rti_view view;
+    rt_vec3 forward = rti_normalize(rti_sub(camera->look, camera->eye)), right, down;
+    float half = tanf(camera->fov * 0.00872664626f), pixel = 2 * half / (float)height;      /* degrees to half radians */
+    right = rti_cross(forward, camera->up);
+    if (!(rti_dot(right, right) > 0))       /* up along the view axis, or zero: any level right will do */
+        right = rti_cross(forward, fabsf(forward.y) < 0.9f ? rti_vec3(0, 1, 0) : rti_vec3(1, 0, 0));
+    right = rti_normalize(right);
+    down = rti_cross(forward, right);
+    view.eye = camera->eye;
+    view.right = rti_scale(right, pixel);
+    view.down = rti_scale(down, pixel);
+    view.corner = rti_sub(forward, rti_add(rti_scale(view.right, (float)width / 2), rti_scale(view.down, (float)height / 2)));
+    return view;
+}
+
+static rt_ray rti_view_ray(const rti_view *view, float x, float y)
+{
+    rt_ray ray;
+    ray.org = view->eye;
+    ray.tmin = 0;
+    ray.dir = rti_add(view->corner, rti_add(rti_scale(view->right, x), rti_scale(view->down, y)));
+    ray.tmax = RTI_INFINITY;
+    return ray;
+}
+
+RT_API rt_ray rt_camera_ray(const rt_camera *camera, float x, float y, int width, int height)
+{
+    rti_view view = rti_make_view(camera, width, height);
+    return rti_view_ray(&view, x, y);
+}
+
+/* What the renderer knows of a hit. */
+typedef struct {
+    rt_vec3 point, normal, geometric;       /* both normals of unit length and towards the viewer */
+    rt_vec3 color;                          /* multiplies the diffuse colour */
+    const rt_material *material;
+    float offset;                           /* how far along geometric a secondary ray must start to clear rounding */
+} rti_surface;
+
+static rt_vec3 rti_vertex(const float *v) { return rti_vec3(v[0], v[1], v[2]); }
+
+/* Normals and material of a hit on a primitive of scene's own geometry, in its space. */
+static void rti_look_up(const rt_scene *scene, const rt_hit *hit, rt_vec3 point, rti_surface *s)
+{
+    static const rt_material grey = { { 0.7f, 0.7f, 0.7f }, { 0, 0, 0 }, { 0, 0, 0 }, 1 };
+    const rt_geometry *geo = scene->geometry;
+    s->material = scene->material_count ? &scene->materials[scene->material_ids ? scene->material_ids[hit->prim] : 0] : &grey;
+    s->color = rti_vec3(1, 1, 1);
+    if (hit->prim < geo->triangle_count) {
+        const float weights[3] = { 1 - hit->u - hit->v, hit->u, hit->v };
+        const size_t corner = 3 * (size_t)hit->prim;
+        float v[9];
+        int k;
+        (void)rti_fetch_triangle(geo, hit->prim, v);
+        s->geometric = rti_normalize(rti_cross(rti_sub(rti_vertex(v + 3), rti_vertex(v)), rti_sub(rti_vertex(v + 6), rti_vertex(v))));
+        s->normal = s->geometric;
+        if (scene->normals && scene->normal_indices[corner] != RT_NONE) {
+            rt_vec3 normal = rti_vec3(0, 0, 0);
+            for (k = 0; k < 3; k++) normal = rti_add(normal, rti_scale(scene->normals[scene->normal_indices[corner + (size_t)k]], weights[k]));
+            if (rti_largest(normal) > 0) s->normal = rti_normalize(normal);
+        }
+        if (scene->colors) {
+            s->color = rti_vec3(0, 0, 0);
+            for (k = 0; k < 3; k++)
+                s->color = rti_add(s->color, rti_scale(scene->colors[geo->indices ? geo->indices[corner + (size_t)k] : corner + (size_t)k], weights[k]));
+        }
+        return;
+    }
+#if RTI_SPHERES
+    s->geometric = s->normal = rti_normalize(rti_sub(point, geo->spheres[hit->prim - geo->triangle_count].center));
+#else
+    (void)point;
+#endif
+}
+
+static rti_surface rti_make_surface(const rt_scene *scene, const rt_ray *ray, const rt_hit *hit)
+{
+    rti_surface s;
+    float size;
+    s.point = rti_add(ray->org, rti_scale(ray->dir, hit->t));
+#if RTI_INSTANCES
+    if (hit->inst != RT_NONE) {
+        const rt_accel *accel = scene->accel;
+        const rt_scene *owner = scene;
+        uint32_t inst = hit->inst;
+        float m[12], inverse[12], n[9], org[3], dir[3];
+        const float point[3] = { s.point.x, s.point.y, s.point.z };
+        (void)rt_instance_transform(accel, inst, m, n);
+        (void)rti_invert(m, inverse);
+        rti_transform_ray(inverse, point, point, org, dir);
+        while (inst != RT_NONE) {
+            size_t number = rti_find_instance(accel, inst);
+            owner = owner->parts[number];
+            inst = inst - accel->instance_bases[number] - 1;
+            accel = owner->accel;
+        }
+        rti_look_up(owner, hit, rti_vec3(org[0], org[1], org[2]), &s);
+        s.geometric = rti_normalize(rti_vec3(rti_dot(rti_vertex(n), s.geometric), rti_dot(rti_vertex(n + 3), s.geometric),
+                                             rti_dot(rti_vertex(n + 6), s.geometric)));
+        s.normal = rti_normalize(rti_vec3(rti_dot(rti_vertex(n), s.normal), rti_dot(rti_vertex(n + 3), s.normal),
+                                          rti_dot(rti_vertex(n + 6), s.normal)));
+    } else
+#endif
+        rti_look_up(scene, hit, s.point, &s);
+    if (rti_dot(s.geometric, ray->dir) > 0) s.geometric = rti_scale(s.geometric, -1);
+    if (rti_dot(s.normal, s.geometric) < 0) s.normal = rti_scale(s.normal, -1);
+    size = rti_largest(s.point) + hit->t * rti_largest(ray->dir);
+    s.offset = size * 3e-6f;                /* about 50 rounding errors of the numbers that made point */
+    return s;
+}
+
+#define RTI_BLOCK 16                        /* pixels: a block of 16 x 16 rays is traced in one call */
+#define RTI_BLOCK_RAYS (RTI_BLOCK * RTI_BLOCK)
+
+/* Offset of sample i of n in a pixel: the middle, a grid, or the R2 sequence (Roberts 2018) where n is no square. */
+static void rti_subpixel(int i, int n, float *x, float *y)
+{
+    int side = 1;
+    while ((side + 1) * (side + 1) <= n) side++;
+    if (side * side == n) {
+        *x = ((float)(i % side) + 0.5f) / (float)side;
+        *y = ((float)(i / side) + 0.5f) / (float)side;
+    } else {
+        double a = 0.5 + 0.7548776662466927 * (double)i, b = 0.5 + 0.5698402909980532 * (double)i;
+        *x = (float)(a - floor(a));
+        *y = (float)(b - floor(b));
+    }
+}
+
+/* One sample of every pixel of a block, added to sums. Rays stand in Morton order, so that those which follow each other are neighbours. */
+static void rti_render_block(const rt_scene *scene, const rt_render_options *opt, rti_batch_function batch, const rti_view *view, const int box[4],
+                             int sample, rt_vec3 *sums, rt_ray_counts *counts)
+{
+    rt_ray rays[RTI_BLOCK_RAYS];
+    rt_hit hits[RTI_BLOCK_RAYS];
+    rti_surface surfaces[RTI_BLOCK_RAYS];
+    unsigned short pixel[RTI_BLOCK_RAYS], lit[RTI_BLOCK_RAYS];
+    rti_job job;
+    size_t n = 0, m, i, light, seen = 0;
+    float dx, dy;
+    unsigned code;
+    rti_subpixel(sample, opt->spp > 0 ? opt->spp : 1, &dx, &dy);
+    for (code = 0; code < RTI_BLOCK_RAYS; code++) {
+        unsigned x = (code & 1) | (code >> 1 & 2) | (code >> 2 & 4) | (code >> 3 & 8);
+        unsigned y = (code >> 1 & 1) | (code >> 2 & 2) | (code >> 3 & 4) | (code >> 4 & 8);
+        if (box[0] + (int)x >= box[2] || box[1] + (int)y >= box[3]) continue;
+        pixel[n] = (unsigned short)(y * RTI_BLOCK + x);
+        rays[n++] = rti_view_ray(view, (float)(box[0] + (int)x) + dx, (float)(box[1] + (int)y) + dy);
+    }
+    job.query = RT_CLOSEST;
+    job.adaptive = opt->trace.algorithm == RT_AUTO;
+#if RTI_STATS
+    job.stats = opt->trace.stats;
+#else
+    job.stats = NULL;
+#endif
+    batch(scene->accel, &job, rays, n, hits);
+    if (counts) counts->primary += n;
+    for (i = 0; i < n; i++) {
+        rt_vec3 *sum = &sums[pixel[i]];
+        if (hits[i].prim == RT_NONE) {
+            *sum = rti_add(*sum, scene->background);
+            continue;
+        }
+        surfaces[seen] = rti_make_surface(scene, &rays[i], &hits[i]);
+        *sum = rti_add(*sum, rti_add(surfaces[seen].material->emission,
+                                     rti_mul(rti_mul(scene->ambient, surfaces[seen].color), surfaces[seen].material->diffuse)));
+        rays[seen] = rays[i];               /* from here on: rays and pixels of the surfaces seen */
+        pixel[seen++] = pixel[i];
+    }
+    job.query = RT_ANY;
+    for (light = 0; light < scene->light_count; light++) {
+        rt_ray shadow[RTI_BLOCK_RAYS];
+        for (i = m = 0; i < seen; i++) {
+            const rti_surface *s = &surfaces[i];
+            rt_vec3 org = rti_add(s->point, rti_scale(s->geometric, s->offset)), to = rti_sub(scene->lights[light].position, org);
+            if (!(rti_dot(to, s->geometric) > 0)) continue;             /* behind the surface */
+            shadow[m].org = org;
+            shadow[m].tmin = 0;
+            shadow[m].dir = to;
+            shadow[m].tmax = 1;
+            lit[m++] = (unsigned short)i;
+        }
+        batch(scene->accel, &job, shadow, m, hits);
+        if (counts) counts->shadow += m;
+        for (i = 0; i < m; i++) {
+            const rti_surface *s = &surfaces[lit[i]];
+            rt_vec3 to = rti_normalize(shadow[i].dir), back = rti_normalize(rti_scale(rays[lit[i]].dir, -1)), color;
+            float cosine = rti_dot(s->normal, to), highlight;
+            if (hits[i].prim != RT_NONE || !(cosine > 0)) continue;
+            highlight = rti_dot(rti_sub(rti_scale(s->normal, 2 * cosine), to), back);          /* mirrored light against view */
+            color = rti_scale(rti_mul(s->material->diffuse, s->color), cosine);
+            if (highlight > 0) color = rti_add(color, rti_scale(s->material->specular, powf(highlight, s->material->shininess)));
+            sums[pixel[lit[i]]] = rti_add(sums[pixel[lit[i]]], rti_mul(color, scene->lights[light].color));
+        }
+    }
+}
+
+static rt_status rti_check_scene(const rt_scene *scene, const rt_render_options *opt, int depth)
+{
+    size_t i;
+    if (!scene->accel || !scene->geometry) return RTI_FAIL(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "scene lacks its accel or its geometry");
+    if (scene->normals && !scene->normal_indices) return RTI_FAIL(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "scene has normals without normal_indices");
+    for (i = 0; i < rti_instance_count(scene->geometry); i++) {
+        rt_status status;
+        if (!scene->parts || !scene->parts[i] || depth >= RT_MAX_NESTING)
+            return RTI_FAIL(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "scene has instances but parts does not say how to shade instance %lu", (unsigned long)i);
+        if ((status = rti_check_scene(scene->parts[i], opt, depth + 1)) != RT_OK) return status;
+    }
+    return RT_OK;
+}
+
+RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *opt, int x0, int y0, int x1, int y1, rt_vec3 *pixels, rt_ray_counts *rays)
+{
+    rti_batch_function batch;
+    rti_view view;
+    rt_status status;
+    int box[4], spp = opt->spp > 0 ? opt->spp : 1, sample, x, y;
+    if (opt->width < 1 || opt->height < 1 || x0 < 0 || y0 < 0 || x1 > opt->width || y1 > opt->height || opt->spp < 0)
+        return RTI_FAIL(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "the tile leaves the picture, or spp is negative");
+    if (!(scene->camera.fov > 0 && scene->camera.fov < 180))
+        return RTI_FAIL(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "the camera's fov must lie between 0 and 180 degrees");
+    if ((status = rti_check_scene(scene, opt, 0)) != RT_OK) return status;
+    if ((status = rti_choose(&opt->trace, &batch)) != RT_OK) return status;
+    view = rti_make_view(&scene->camera, opt->width, opt->height);
+    for (box[1] = y0; box[1] < y1; box[1] += RTI_BLOCK)
+        for (box[0] = x0; box[0] < x1; box[0] += RTI_BLOCK) {
+            rt_vec3 sums[RTI_BLOCK_RAYS];
+            memset(sums, 0, sizeof sums);
+            box[2] = x1 < box[0] + RTI_BLOCK ? x1 : box[0] + RTI_BLOCK;
+            box[3] = y1 < box[1] + RTI_BLOCK ? y1 : box[1] + RTI_BLOCK;
+            for (sample = 0; sample < spp; sample++) rti_render_block(scene, opt, batch, &view, box, sample, sums, rays);
+            for (y = box[1]; y < box[3]; y++)
+                for (x = box[0]; x < box[2]; x++)
+                    pixels[(size_t)y * (size_t)opt->width + (size_t)x] =
+                        rti_scale(sums[(y - box[1]) * RTI_BLOCK + x - box[0]], 1 / (float)spp);
+        }
+    return RT_OK;
+}
+
+#endif /* RT_NO_SHADING */
+#endif /* RT_IMPLEMENTATION */
+
+#else /* RTI_PASS */
+
+/* ==== one pass: the kernels for RTI_WIDTH rays ======================================================================= */
+
+/* ---- >>wide --------------------------------------------------------------------------------------------------------- */
+
+/* v: RTI_WIDTH floats; d: RTI_WIDTH doubles; a set of lanes is an unsigned, bit i for lane i. vmin and vmax answer the second operand
+   where either is NaN. Every name gets the pass's suffix, so a profile shows which one ran. */
+#define RTI_NAME_(name) RTI_PASTE(name, RTI_SUFFIX)
+#define rti_v RTI_NAME_(rti_v)
+#define rti_d RTI_NAME_(rti_d)
+#define rti_vset RTI_NAME_(rti_vset)
+#define rti_vid RTI_NAME_(rti_vid)
+#define rti_vload RTI_NAME_(rti_vload)
+#define rti_vstore RTI_NAME_(rti_vstore)
+#define rti_vadd RTI_NAME_(rti_vadd)
+#define rti_vsub RTI_NAME_(rti_vsub)
+#define rti_vmul RTI_NAME_(rti_vmul)
+#define rti_vdiv RTI_NAME_(rti_vdiv)
+#define rti_vmin RTI_NAME_(rti_vmin)
+#define rti_vmax RTI_NAME_(rti_vmax)
+#define rti_vabs RTI_NAME_(rti_vabs)
+#define rti_vsign RTI_NAME_(rti_vsign)
+#define rti_vlt RTI_NAME_(rti_vlt)
+#define rti_vle RTI_NAME_(rti_vle)
+#define rti_vnegative RTI_NAME_(rti_vnegative)
+#define rti_vselect RTI_NAME_(rti_vselect)
+#define rti_vround RTI_NAME_(rti_vround)
+#define rti_vplane RTI_NAME_(rti_vplane)
+#define rti_dset RTI_NAME_(rti_dset)
+#define rti_dload RTI_NAME_(rti_dload)
+#define rti_dstore RTI_NAME_(rti_dstore)
+#define rti_dadd RTI_NAME_(rti_dadd)
+#define rti_dsub RTI_NAME_(rti_dsub)
+#define rti_dmul RTI_NAME_(rti_dmul)
+#define rti_ddiv RTI_NAME_(rti_ddiv)
+#define rti_dsqrt RTI_NAME_(rti_dsqrt)
+#define rti_dlt RTI_NAME_(rti_dlt)
+#define rti_dselect RTI_NAME_(rti_dselect)
+#define rti_widen RTI_NAME_(rti_widen)
+#define rti_narrow RTI_NAME_(rti_narrow)
+#define rti_packet RTI_NAME_(rti_packet)
+#define rti_prepare RTI_NAME_(rti_prepare)
+#define rti_hit_box RTI_NAME_(rti_hit_box)
+#define rti_slabs RTI_NAME_(rti_slabs)
+#define rti_accept RTI_NAME_(rti_accept)
+#define rti_edge RTI_NAME_(rti_edge)
+#define rti_edge_exact RTI_NAME_(rti_edge_exact)
+#define rti_product RTI_NAME_(rti_product)
+#define rti_dot_exact RTI_NAME_(rti_dot_exact)
+#define rti_hit_triangles RTI_NAME_(rti_hit_triangles)
+#define rti_hit_spheres RTI_NAME_(rti_hit_spheres)
+#define rti_hit_instances RTI_NAME_(rti_hit_instances)
+#define rti_walk_body RTI_NAME_(rti_walk_body)
+#define rti_walk RTI_NAME_(rti_walk)
+#define rti_walk_closest RTI_NAME_(rti_walk_closest)
+#define rti_walk_any RTI_NAME_(rti_walk_any)
+#define rti_walk_closest_all RTI_NAME_(rti_walk_closest_all)
+#define rti_walk_any_all RTI_NAME_(rti_walk_any_all)
+#define rti_walk_closest_count RTI_NAME_(rti_walk_closest_count)
+#define rti_walk_any_count RTI_NAME_(rti_walk_any_count)
+#define rti_batch RTI_NAME_(rti_batch)
+#define RTI_FN RTI_INLINE RTI_TARGET
+#define RTI_ALL_LANES ((1u << RTI_WIDTH) - 1)
+
+#if RTI_LANES == RTI_LANES_FLOAT
+
+typedef float rti_v;
+typedef double rti_d;
+RTI_FN rti_v rti_vset(float x) { return x; }
+RTI_FN rti_v rti_vid(uint32_t id) { float f; memcpy(&f, &id, sizeof f); return f; }
+RTI_FN rti_v rti_vload(const float *p) { return *p; }
+RTI_FN void rti_vstore(float *p, rti_v a) { *p = a; }
+RTI_FN rti_v rti_vadd(rti_v a, rti_v b) { return a + b; }
+RTI_FN rti_v rti_vsub(rti_v a, rti_v b) { return a - b; }
+RTI_FN rti_v rti_vmul(rti_v a, rti_v b) { return a * b; }
+RTI_FN rti_v rti_vdiv(rti_v a, rti_v b) { return a / b; }
+RTI_FN rti_v rti_vmin(rti_v a, rti_v b) { return a < b ? a : b; }
+RTI_FN rti_v rti_vmax(rti_v a, rti_v b) { return a > b ? a : b; }
+RTI_FN rti_v rti_vabs(rti_v a) { return fabsf(a); }
+RTI_FN rti_v rti_vsign(rti_v size, rti_v sign) { return copysignf(size, sign); }
+RTI_FN unsigned rti_vlt(rti_v a, rti_v b) { return a < b; }
+RTI_FN unsigned rti_vle(rti_v a, rti_v b) { return a <= b; }
+RTI_FN unsigned rti_vnegative(rti_v a) { uint32_t bits; memcpy(&bits, &a, sizeof bits); return bits >> 31; }
+RTI_FN rti_v rti_vselect(unsigned lanes, rti_v a, rti_v b) { return lanes ? a : b; }
+RTI_FN rti_v rti_vround(rti_v a) { return rti_roundf(a); }
+RTI_FN rti_v rti_vplane(float plane, rti_v org, rti_v rdir) { return (plane - org) * rdir; }
+RTI_FN rti_d rti_dset(double x) { return x; }
+RTI_FN rti_d rti_dload(const double *p) { return *p; }
+RTI_FN void rti_dstore(double *p, rti_d a) { *p = a; }
+RTI_FN rti_d rti_dadd(rti_d a, rti_d b) { return a + b; }
+RTI_FN rti_d rti_dsub(rti_d a, rti_d b) { return a - b; }
+RTI_FN rti_d rti_dmul(rti_d a, rti_d b) { return a * b; }
+RTI_FN rti_d rti_ddiv(rti_d a, rti_d b) { return a / b; }
+RTI_FN rti_d rti_dsqrt(rti_d a) { return sqrt(a); }
+RTI_FN unsigned rti_dlt(rti_d a, rti_d b) { return a < b; }
+RTI_FN rti_d rti_dselect(unsigned lanes, rti_d a, rti_d b) { return lanes ? a : b; }
+RTI_FN rti_d rti_widen(rti_v a) { return (double)a; }
+RTI_FN rti_v rti_narrow(rti_d a) { return (float)a; }
+RTI_FN rti_d rti_product(rti_d a, rti_d b) { return rti_round(a * b); }
+
+#elif RTI_LANES == RTI_LANES_ARRAY
+
+typedef struct { float f[RTI_WIDTH]; } rti_v;
+typedef struct { double f[RTI_WIDTH]; } rti_d;
+#define RTI_EACH(type, expression) type r; int i; for (i = 0; i < RTI_WIDTH; i++) r.f[i] = (expression); return r
+#define RTI_BITS(expression) unsigned r = 0; int i; for (i = 0; i < RTI_WIDTH; i++) r |= (unsigned)(expression) << i; return r
+RTI_FN rti_v rti_vset(float x) { RTI_EACH(rti_v, x); }
+RTI_FN rti_v rti_vid(uint32_t id) { float f; memcpy(&f, &id, sizeof f); { RTI_EACH(rti_v, f); } }
+RTI_FN rti_v rti_vload(const float *p) { RTI_EACH(rti_v, p[i]); }
+RTI_FN void rti_vstore(float *p, rti_v a) { memcpy(p, a.f, sizeof a.f); }
+RTI_FN rti_v rti_vadd(rti_v a, rti_v b) { RTI_EACH(rti_v, a.f[i] + b.f[i]); }
+RTI_FN rti_v rti_vsub(rti_v a, rti_v b) { RTI_EACH(rti_v, a.f[i] - b.f[i]); }
+RTI_FN rti_v rti_vmul(rti_v a, rti_v b) { RTI_EACH(rti_v, a.f[i] * b.f[i]); }
+RTI_FN rti_v rti_vdiv(rti_v a, rti_v b) { RTI_EACH(rti_v, a.f[i] / b.f[i]); }
+RTI_FN rti_v rti_vmin(rti_v a, rti_v b) { RTI_EACH(rti_v, a.f[i] < b.f[i] ? a.f[i] : b.f[i]); }
+RTI_FN rti_v rti_vmax(rti_v a, rti_v b) { RTI_EACH(rti_v, a.f[i] > b.f[i] ? a.f[i] : b.f[i]); }
+RTI_FN rti_v rti_vabs(rti_v a) { RTI_EACH(rti_v, fabsf(a.f[i])); }
+RTI_FN rti_v rti_vsign(rti_v size, rti_v sign) { RTI_EACH(rti_v, copysignf(size.f[i], sign.f[i])); }
+RTI_FN unsigned rti_vlt(rti_v a, rti_v b) { RTI_BITS(a.f[i] < b.f[i]); }
+RTI_FN unsigned rti_vle(rti_v a, rti_v b) { RTI_BITS(a.f[i] <= b.f[i]); }
+RTI_FN unsigned rti_vnegative(rti_v a) { uint32_t bits[RTI_WIDTH]; memcpy(bits, a.f, sizeof bits); { RTI_BITS(bits[i] >> 31); } }
+RTI_FN rti_v rti_vselect(unsigned lanes, rti_v a, rti_v b) { RTI_EACH(rti_v, lanes >> i & 1 ? a.f[i] : b.f[i]); }
+RTI_FN rti_v rti_vround(rti_v a) { RTI_EACH(rti_v, rti_roundf(a.f[i])); }
+RTI_FN rti_v rti_vplane(float plane, rti_v org, rti_v rdir) { RTI_EACH(rti_v, (plane - org.f[i]) * rdir.f[i]); }
+RTI_FN rti_d rti_dset(double x) { RTI_EACH(rti_d, x); }
+RTI_FN rti_d rti_dload(const double *p) { RTI_EACH(rti_d, p[i]); }
+RTI_FN void rti_dstore(double *p, rti_d a) { memcpy(p, a.f, sizeof a.f); }
+RTI_FN rti_d rti_dadd(rti_d a, rti_d b) { RTI_EACH(rti_d, a.f[i] + b.f[i]); }
+RTI_FN rti_d rti_dsub(rti_d a, rti_d b) { RTI_EACH(rti_d, a.f[i] - b.f[i]); }
+RTI_FN rti_d rti_dmul(rti_d a, rti_d b) { RTI_EACH(rti_d, a.f[i] * b.f[i]); }
+RTI_FN rti_d rti_ddiv(rti_d a, rti_d b) { RTI_EACH(rti_d, a.f[i] / b.f[i]); }
+RTI_FN rti_d rti_dsqrt(rti_d a) { RTI_EACH(rti_d, sqrt(a.f[i])); }
+RTI_FN unsigned rti_dlt(rti_d a, rti_d b) { RTI_BITS(a.f[i] < b.f[i]); }
+RTI_FN rti_d rti_dselect(unsigned lanes, rti_d a, rti_d b) { RTI_EACH(rti_d, lanes >> i & 1 ? a.f[i] : b.f[i]); }
+RTI_FN rti_d rti_widen(rti_v a) { RTI_EACH(rti_d, (double)a.f[i]); }
+RTI_FN rti_v rti_narrow(rti_d a) { RTI_EACH(rti_v, (float)a.f[i]); }
+RTI_FN rti_d rti_product(rti_d a, rti_d b) { RTI_EACH(rti_d, rti_round(a.f[i] * b.f[i])); }
+#undef RTI_EACH
+#undef RTI_BITS
+
+#elif RTI_LANES == RTI_LANES_SSE2
+
+typedef __m128 rti_v;
+typedef struct { __m128d lo, hi; } rti_d;
+#define RTI_BOTH(expression_lo, expression_hi) rti_d r; r.lo = (expression_lo); r.hi = (expression_hi); return r
+RTI_FN rti_v rti_vset(float x) { return _mm_set1_ps(x); }
+RTI_FN rti_v rti_vid(uint32_t id) { return _mm_castsi128_ps(_mm_set1_epi32((int)id)); }
+RTI_FN rti_v rti_vload(const float *p) { return _mm_loadu_ps(p); }
+RTI_FN void rti_vstore(float *p, rti_v a) { _mm_storeu_ps(p, a); }
+RTI_FN rti_v rti_vadd(rti_v a, rti_v b) { return _mm_add_ps(a, b); }
+RTI_FN rti_v rti_vsub(rti_v a, rti_v b) { return _mm_sub_ps(a, b); }
+RTI_FN rti_v rti_vmul(rti_v a, rti_v b) { return _mm_mul_ps(a, b); }
+RTI_FN rti_v rti_vdiv(rti_v a, rti_v b) { return _mm_div_ps(a, b); }
+RTI_FN rti_v rti_vmin(rti_v a, rti_v b) { return _mm_min_ps(a, b); }
+RTI_FN rti_v rti_vmax(rti_v a, rti_v b) { return _mm_max_ps(a, b); }
+RTI_FN rti_v rti_vabs(rti_v a) { return _mm_andnot_ps(_mm_set1_ps(-0.0f), a); }
+RTI_FN rti_v rti_vsign(rti_v size, rti_v sign) { return _mm_or_ps(size, _mm_and_ps(_mm_set1_ps(-0.0f), sign)); }
+RTI_FN unsigned rti_vlt(rti_v a, rti_v b) { return (unsigned)_mm_movemask_ps(_mm_cmplt_ps(a, b)); }
+RTI_FN unsigned rti_vle(rti_v a, rti_v b) { return (unsigned)_mm_movemask_ps(_mm_cmple_ps(a, b)); }
+RTI_FN unsigned rti_vnegative(rti_v a) { return (unsigned)_mm_movemask_ps(a); }
+RTI_FN rti_v rti_vselect(unsigned lanes, rti_v a, rti_v b)
+{
+    __m128i bit = _mm_set_epi32(8, 4, 2, 1);
+    __m128 mask = _mm_castsi128_ps(_mm_cmpeq_epi32(_mm_and_si128(_mm_set1_epi32((int)lanes), bit), bit));
+    return _mm_or_ps(_mm_and_ps(mask, a), _mm_andnot_ps(mask, b));
+}
+RTI_FN rti_v rti_vround(rti_v a) { RTI_ROUND(a); return a; }
+RTI_FN rti_v rti_vplane(float plane, rti_v org, rti_v rdir) { return _mm_mul_ps(_mm_sub_ps(_mm_set1_ps(plane), org), rdir); }
+RTI_FN rti_d rti_dset(double x) { RTI_BOTH(_mm_set1_pd(x), _mm_set1_pd(x)); }
+RTI_FN rti_d rti_dload(const double *p) { RTI_BOTH(_mm_loadu_pd(p), _mm_loadu_pd(p + 2)); }
+RTI_FN void rti_dstore(double *p, rti_d a) { _mm_storeu_pd(p, a.lo); _mm_storeu_pd(p + 2, a.hi); }
+RTI_FN rti_d rti_dadd(rti_d a, rti_d b) { RTI_BOTH(_mm_add_pd(a.lo, b.lo), _mm_add_pd(a.hi, b.hi)); }
+RTI_FN rti_d rti_dsub(rti_d a, rti_d b) { RTI_BOTH(_mm_sub_pd(a.lo, b.lo), _mm_sub_pd(a.hi, b.hi)); }
+RTI_FN rti_d rti_dmul(rti_d a, rti_d b) { RTI_BOTH(_mm_mul_pd(a.lo, b.lo), _mm_mul_pd(a.hi, b.hi)); }
+RTI_FN rti_d rti_ddiv(rti_d a, rti_d b) { RTI_BOTH(_mm_div_pd(a.lo, b.lo), _mm_div_pd(a.hi, b.hi)); }
+RTI_FN rti_d rti_dsqrt(rti_d a) { RTI_BOTH(_mm_sqrt_pd(a.lo), _mm_sqrt_pd(a.hi)); }
+RTI_FN unsigned rti_dlt(rti_d a, rti_d b)
+{
+    return (unsigned)_mm_movemask_pd(_mm_cmplt_pd(a.lo, b.lo)) | (unsigned)_mm_movemask_pd(_mm_cmplt_pd(a.hi, b.hi)) << 2;
+}
+RTI_FN rti_d rti_dselect(unsigned lanes, rti_d a, rti_d b)
+{
+    __m128i bit = _mm_set_epi32(2, 2, 1, 1), lo = _mm_set1_epi32((int)lanes), hi = _mm_set1_epi32((int)(lanes >> 2));
+    __m128d mlo = _mm_castsi128_pd(_mm_cmpeq_epi32(_mm_and_si128(lo, bit), bit)), mhi = _mm_castsi128_pd(_mm_cmpeq_epi32(_mm_and_si128(hi, bit), bit));
+    RTI_BOTH(_mm_or_pd(_mm_and_pd(mlo, a.lo), _mm_andnot_pd(mlo, b.lo)), _mm_or_pd(_mm_and_pd(mhi, a.hi), _mm_andnot_pd(mhi, b.hi)));
+}
+RTI_FN rti_d rti_widen(rti_v a) { RTI_BOTH(_mm_cvtps_pd(a), _mm_cvtps_pd(_mm_movehl_ps(a, a))); }
+RTI_FN rti_v rti_narrow(rti_d a) { return _mm_movelh_ps(_mm_cvtpd_ps(a.lo), _mm_cvtpd_ps(a.hi)); }
+RTI_FN rti_d rti_product(rti_d a, rti_d b)
+{
+    rti_d r = rti_dmul(a, b);
+    RTI_ROUND(r.lo);
+    RTI_ROUND(r.hi);
+    return r;
+}
+#undef RTI_BOTH
+
+#else /* RTI_LANES_AVX2 */
+
+typedef __m256 rti_v;
+typedef struct { __m256d lo, hi; } rti_d;
+#define RTI_BOTH(expression_lo, expression_hi) rti_d r; r.lo = (expression_lo); r.hi = (expression_hi); return r
+RTI_FN rti_v rti_vset(float x) { return _mm256_set1_ps(x); }
+RTI_FN rti_v rti_vid(uint32_t id) { return _mm256_castsi256_ps(_mm256_set1_epi32((int)id)); }
+RTI_FN rti_v rti_vload(const float *p) { return _mm256_loadu_ps(p); }
+RTI_FN void rti_vstore(float *p, rti_v a) { _mm256_storeu_ps(p, a); }
+RTI_FN rti_v rti_vadd(rti_v a, rti_v b) { return _mm256_add_ps(a, b); }
+RTI_FN rti_v rti_vsub(rti_v a, rti_v b) { return _mm256_sub_ps(a, b); }
+RTI_FN rti_v rti_vmul(rti_v a, rti_v b) { return _mm256_mul_ps(a, b); }
+RTI_FN rti_v rti_vdiv(rti_v a, rti_v b) { return _mm256_div_ps(a, b); }
+RTI_FN rti_v rti_vmin(rti_v a, rti_v b) { return _mm256_min_ps(a, b); }
+RTI_FN rti_v rti_vmax(rti_v a, rti_v b) { return _mm256_max_ps(a, b); }
+RTI_FN rti_v rti_vabs(rti_v a) { return _mm256_andnot_ps(_mm256_set1_ps(-0.0f), a); }
+RTI_FN rti_v rti_vsign(rti_v size, rti_v sign) { return _mm256_or_ps(size, _mm256_and_ps(_mm256_set1_ps(-0.0f), sign)); }
+RTI_FN unsigned rti_vlt(rti_v a, rti_v b) { return (unsigned)_mm256_movemask_ps(_mm256_cmp_ps(a, b, _CMP_LT_OQ)); }
+RTI_FN unsigned rti_vle(rti_v a, rti_v b) { return (unsigned)_mm256_movemask_ps(_mm256_cmp_ps(a, b, _CMP_LE_OQ)); }
+RTI_FN unsigned rti_vnegative(rti_v a) { return (unsigned)_mm256_movemask_ps(a); }
+RTI_FN rti_v rti_vselect(unsigned lanes, rti_v a, rti_v b)
+{
+    __m256i bit = _mm256_set_epi32(128, 64, 32, 16, 8, 4, 2, 1);
+    return _mm256_blendv_ps(b, a, _mm256_castsi256_ps(_mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32((int)lanes), bit), bit)));
+}
+RTI_FN rti_v rti_vround(rti_v a) { RTI_ROUND(a); return a; }
+RTI_FN rti_v rti_vplane(float plane, rti_v org_rdir, rti_v rdir) { return _mm256_fmsub_ps(_mm256_set1_ps(plane), rdir, org_rdir); }
+RTI_FN rti_d rti_dset(double x) { RTI_BOTH(_mm256_set1_pd(x), _mm256_set1_pd(x)); }
+RTI_FN rti_d rti_dload(const double *p) { RTI_BOTH(_mm256_loadu_pd(p), _mm256_loadu_pd(p + 4)); }
+RTI_FN void rti_dstore(double *p, rti_d a) { _mm256_storeu_pd(p, a.lo); _mm256_storeu_pd(p + 4, a.hi); }
+RTI_FN rti_d rti_dadd(rti_d a, rti_d b) { RTI_BOTH(_mm256_add_pd(a.lo, b.lo), _mm256_add_pd(a.hi, b.hi)); }
+RTI_FN rti_d rti_dsub(rti_d a, rti_d b) { RTI_BOTH(_mm256_sub_pd(a.lo, b.lo), _mm256_sub_pd(a.hi, b.hi)); }
+RTI_FN rti_d rti_dmul(rti_d a, rti_d b) { RTI_BOTH(_mm256_mul_pd(a.lo, b.lo), _mm256_mul_pd(a.hi, b.hi)); }
+RTI_FN rti_d rti_ddiv(rti_d a, rti_d b) { RTI_BOTH(_mm256_div_pd(a.lo, b.lo), _mm256_div_pd(a.hi, b.hi)); }
+RTI_FN rti_d rti_dsqrt(rti_d a) { RTI_BOTH(_mm256_sqrt_pd(a.lo), _mm256_sqrt_pd(a.hi)); }
+RTI_FN unsigned rti_dlt(rti_d a, rti_d b)
+{
+    return (unsigned)_mm256_movemask_pd(_mm256_cmp_pd(a.lo, b.lo, _CMP_LT_OQ)) | (unsigned)_mm256_movemask_pd(_mm256_cmp_pd(a.hi, b.hi, _CMP_LT_OQ)) << 4;
+}
+RTI_FN rti_d rti_dselect(unsigned lanes, rti_d a, rti_d b)
+{
+    __m256i bit = _mm256_set_epi64x(8, 4, 2, 1), lo = _mm256_set1_epi64x((long long)lanes), hi = _mm256_set1_epi64x((long long)(lanes >> 4));
+    RTI_BOTH(_mm256_blendv_pd(b.lo, a.lo, _mm256_castsi256_pd(_mm256_cmpeq_epi64(_mm256_and_si256(lo, bit), bit))),
+             _mm256_blendv_pd(b.hi, a.hi, _mm256_castsi256_pd(_mm256_cmpeq_epi64(_mm256_and_si256(hi, bit), bit))));
+}
+RTI_FN rti_d rti_widen(rti_v a) { RTI_BOTH(_mm256_cvtps_pd(_mm256_castps256_ps128(a)), _mm256_cvtps_pd(_mm256_extractf128_ps(a, 1))); }
+RTI_FN rti_v rti_narrow(rti_d a)
+{
+    return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm256_cvtpd_ps(a.lo)), _mm256_cvtpd_ps(a.hi), 1);
+}
+RTI_FN rti_d rti_product(rti_d a, rti_d b)
+{
+    rti_d r = rti_dmul(a, b);
+    RTI_ROUND(r.lo);
+    RTI_ROUND(r.hi);
+    return r;
+}
+#undef RTI_BOTH
+
+#endif
+
+/* ---- >>boxes -------------------------------------------------------------------------------------------------------- */
+
+/* RTI_WIDTH rays side by side, what traversal needs of them, and their hits so far. */
+typedef struct {
+    float org[3][RTI_WIDTH], dir[3][RTI_WIDTH], tmin[RTI_WIDTH];
+    float t[RTI_WIDTH], u[RTI_WIDTH], v[RTI_WIDTH];         /* t starts as tmax */
+    uint32_t prim[RTI_WIDTH], inst[RTI_WIDTH];
+    float rdir[3][RTI_WIDTH];                               /* 1 / dir, bounded */
+    float plane[2][3][RTI_WIDTH];                           /* org as rti_vplane wants it, padded, for lower and upper planes */
+    float shear[2][RTI_WIDTH];                              /* dir[kx] / dir[kz], dir[ky] / dir[kz] */
+    double rdepth[RTI_WIDTH];                               /* 1 / dir[kz] */
+    unsigned axis[3];                                       /* lanes whose kz is that axis */
+    int side[3];                                            /* uniform directions: which plane of a box is met first */
+    bool uniform;
+} RTI_ALIGNED(32) rti_packet;
+
+/* Fills what follows from org, dir, tmin, t; answers the lanes that hold a legal ray.
+
+   No box test may lose a hit that the primitive test finds, in whatever order boxes come. What has to be covered, with e = 2^-24 and R the largest
+   distance from org to a plane of the root box: the sheared vertices of [Woop] move by up to 8 e R sideways, the plane distances
+   and their products by 3 e R, t by e R; those sum to 12 e R. So lower planes are moved out by 16 e R, and upper planes likewise: since org - plane
+   is what counts, by moving org. Rounding of that sum, and of org * rdir where the test is an fma, are 2 e |org|; 4 are added. Instances add
+   what rti_set_reach says. That is [Ize]'s idea as an absolute bound, which holds for t of any sign, and at vertices too.
+
+   Directions smaller than least count as least: so nothing overflows and no 0 * inf appears. The ray then errs by at most R * least / largest
+   within the box, which is padded too. */
+RTI_FN unsigned rti_prepare(const rt_accel *accel, rti_packet *p, unsigned lanes)
+{
+    rti_v org[3], dir[3], reach = rti_vset(0), far_org = rti_vset(0), largest, least, pad, x_or_y, depth, step;
+    unsigned legal = lanes & rti_vlt(rti_vload(p->tmin), rti_vload(p->t)), y_over_x, z_over;
+    int k;
+    for (k = 0; k < 3; k++) {
+        rti_v lo, hi;
+        org[k] = rti_vload(p->org[k]);
+        dir[k] = rti_vload(p->dir[k]);
+        legal &= rti_vle(rti_vabs(org[k]), rti_vset(RT_MAX_COORDINATE)) & rti_vle(rti_vabs(dir[k]), rti_vset(RT_MAX_DIRECTION));
+        lo = rti_vabs(rti_vsub(rti_vset(accel->lower[k]), org[k]));
+        hi = rti_vabs(rti_vsub(rti_vset(accel->upper[k]), org[k]));
+        reach = rti_vmax(rti_vmax(lo, hi), reach);
+        far_org = rti_vmax(rti_vabs(org[k]), far_org);
+    }
+    y_over_x = rti_vlt(rti_vabs(dir[0]), rti_vabs(dir[1]));
+    x_or_y = rti_vmax(rti_vabs(dir[0]), rti_vabs(dir[1]));
+    z_over = rti_vlt(x_or_y, rti_vabs(dir[2]));
+    largest = rti_vmax(x_or_y, rti_vabs(dir[2]));
+    legal &= rti_vle(rti_vset(RT_MIN_DIRECTION), largest);
+    if (!legal) return 0;
+
+    p->axis[2] = z_over;
+    p->axis[1] = y_over_x & ~z_over;
+    p->axis[0] = RTI_ALL_LANES & ~(y_over_x | z_over);
+    depth = rti_vselect(z_over, dir[2], rti_vselect(y_over_x, dir[1], dir[0]));
+    rti_vstore(p->shear[0], rti_vdiv(rti_vselect(z_over, dir[0], rti_vselect(y_over_x, dir[2], dir[1])), depth));
+    rti_vstore(p->shear[1], rti_vdiv(rti_vselect(z_over, dir[1], rti_vselect(y_over_x, dir[0], dir[2])), depth));
+    rti_dstore(p->rdepth, rti_ddiv(rti_dset(1), rti_widen(depth)));
+
+    least = rti_vmax(rti_vmul(largest, rti_vset(2.98023224e-08f)), rti_vmul(rti_vadd(reach, far_org), rti_vset(1e-37f)));
+    pad = rti_vmul(reach, rti_vset(9.5367431640625e-07f));                                          /* 16 e R */
+    pad = rti_vadd(pad, rti_vmul(reach, rti_vdiv(least, largest)));
+    pad = rti_vadd(pad, rti_vmul(rti_vset(accel->spread * 5.9604644775390625e-08f), rti_vadd(far_org, rti_vset(accel->extent))));
+    p->uniform = true;
+    for (k = 0; k < 3; k++) {
+        rti_v rdir = rti_vdiv(rti_vset(1), rti_vsign(rti_vmax(rti_vabs(dir[k]), least), dir[k]));
+        unsigned negative = rti_vnegative(dir[k]) & legal;
+        step = rti_vadd(pad, rti_vmul(rti_vabs(org[k]), rti_vset(2.384185791015625e-07f)));         /* 4 e |org| */
+        rti_vstore(p->rdir[k], rdir);
+#if RTI_LANES == RTI_LANES_AVX2
+        rti_vstore(p->plane[0][k], rti_vmul(rti_vadd(org[k], step), rdir));
+        rti_vstore(p->plane[1][k], rti_vmul(rti_vsub(org[k], step), rdir));
+#else
+        rti_vstore(p->plane[0][k], rti_vadd(org[k], step));
+        rti_vstore(p->plane[1][k], rti_vsub(org[k], step));
+#endif
+        p->side[k] = negative != 0;
+        if (negative && negative != legal) p->uniform = false;
+    }
+    return legal;
+}
+
+/* The packet's constants of the box test, in registers where they fit. With uniform directions near and far planes are known
+   beforehand; else both planes of an axis are tested and sorted. */
+typedef struct { rti_v rdir[3], near_org[3], far_org[3], tmin; int side[3]; bool uniform; } rti_slabs;
+
+/* Lanes whose ray meets the node's box between tmin and tmax, and where they enter it. */
+RTI_FN unsigned rti_hit_box(const rti_slabs *s, const rti_node *node, rti_v tmax, rti_v *enter)
+{
+    rti_v a0 = rti_vplane(node->bounds[s->side[0]][0], s->near_org[0], s->rdir[0]), b0 = rti_vplane(node->bounds[1 ^ s->side[0]][0], s->far_org[0], s->rdir[0]);
+    rti_v a1 = rti_vplane(node->bounds[s->side[1]][1], s->near_org[1], s->rdir[1]), b1 = rti_vplane(node->bounds[1 ^ s->side[1]][1], s->far_org[1], s->rdir[1]);
+    rti_v a2 = rti_vplane(node->bounds[s->side[2]][2], s->near_org[2], s->rdir[2]), b2 = rti_vplane(node->bounds[1 ^ s->side[2]][2], s->far_org[2], s->rdir[2]);
+    if (!s->uniform) {
+        rti_v swap = rti_vmin(a0, b0);
+        b0 = rti_vmax(a0, b0);
+        a0 = swap;
+        swap = rti_vmin(a1, b1);
+        b1 = rti_vmax(a1, b1);
+        a1 = swap;
+        swap = rti_vmin(a2, b2);
+        b2 = rti_vmax(a2, b2);
+        a2 = swap;
+    }
+    *enter = rti_vmax(rti_vmax(a0, a1), rti_vmax(a2, s->tmin));
+    return rti_vle(*enter, rti_vmin(rti_vmin(b0, b1), rti_vmin(b2, tmax)));
+}
+
+/* ---- >>primitives --------------------------------------------------------------------------------------------------- */
+
+/* Takes those of lanes whose t counts: RT_ANY just answers them; else they become the hit where they are closest. */
+RTI_FN unsigned rti_accept(rti_packet *p, unsigned lanes, rti_v t, rti_v u, rti_v v, uint32_t prim, uint32_t inst, int flags)
+{
+    rti_v best = rti_vload(p->t);
+    unsigned closer = lanes & rti_vlt(rti_vload(p->tmin), t) & rti_vle(t, best), ties = closer & ~rti_vlt(t, best);
+    if (RTI_UNLIKELY(ties)) {               /* at equal t the ids decide; against tmax nothing wins (its ids are 0) */
+        int i;
+        for (i = 0; i < RTI_WIDTH; i++)
+            if (ties >> i & 1 && (flags & RTI_WALK_ANY || inst > p->inst[i] || (inst == p->inst[i] && prim >= p->prim[i]))) closer &= ~(1u << i);
+    }
+    if (!closer || flags & RTI_WALK_ANY) return closer;
+    if (RTI_WIDTH == 1) {
+        rti_vstore(p->t, t);
+        rti_vstore(p->u, u);
+        rti_vstore(p->v, v);
+        p->prim[0] = prim;
+        p->inst[0] = inst;
+    } else {
+        float *prims = (float *)(void *)p->prim, *insts = (float *)(void *)p->inst;
+        rti_vstore(p->t, rti_vselect(closer, t, best));
+        rti_vstore(p->u, rti_vselect(closer, u, rti_vload(p->u)));
+        rti_vstore(p->v, rti_vselect(closer, v, rti_vload(p->v)));
+        rti_vstore(prims, rti_vselect(closer, rti_vid(prim), rti_vload(prims)));
+        rti_vstore(insts, rti_vselect(closer, rti_vid(inst), rti_vload(insts)));
+    }
+    return closer;
+}
+
+/* Edge function a x b of two sheared vertices. Rounding is monotonic, so its sign is right or it is 0. */
+RTI_FN rti_v rti_edge(rti_v ax, rti_v ay, rti_v bx, rti_v by) { return rti_vsub(rti_vround(rti_vmul(ax, by)), rti_vround(rti_vmul(ay, bx))); }
+
+/* The same in double: the products of floats are exact, the difference is rounded once. */
+RTI_FN rti_d rti_edge_exact(rti_v ax, rti_v ay, rti_v bx, rti_v by)
+{
+    return rti_dsub(rti_dmul(rti_widen(ax), rti_widen(by)), rti_dmul(rti_widen(ay), rti_widen(bx)));
+}
+
+/* [Woop]: axes permuted so that kz is the ray's largest, org moved to the origin, sheared so that the ray is the z axis. A vertex
+   becomes a 2D point that depends on ray and vertex alone, so triangles which share it agree about it to the last bit: nothing slips through.
+   Float edge functions throw out most triangles; zeros, which may be wrong, count as inside. What is left is decided again, and its t, u, v
+   computed, in double: exact signs, and weights that are good even for slivers and triangles seen edge-on. */
+RTI_FN unsigned rti_hit_triangles(const rt_accel *accel, rti_packet *p, unsigned lanes, const rti_node *leaf, uint32_t inst, int flags)
+{
+    const uint32_t first = leaf->index, last = first + rti_leaf_count(leaf);
+    unsigned found = 0;
+    int kz;
+    for (kz = 0; kz < 3; kz++) {
+        const int kx = kz == 2 ? 0 : kz + 1, ky = kx == 2 ? 0 : kx + 1;
+        const unsigned live = lanes & p->axis[kz];
+        rti_v ox, oy, oz, sx, sy;
+        uint32_t i;
+        if (!live) continue;
+        ox = rti_vload(p->org[kx]);
+        oy = rti_vload(p->org[ky]);
+        oz = rti_vload(p->org[kz]);
+        sx = rti_vload(p->shear[0]);
+        sy = rti_vload(p->shear[1]);
+        for (i = first; i < last; i++) {
+            float gathered[9];
+            const float *a = gathered;
+            uint32_t prim;
+            rti_v az, bz, cz, ax, ay, bx, by, cx, cy, u, v, w;
+            unsigned hit;
+            if (accel->triangles) {
+                a = accel->triangles[i].v;
+                prim = accel->triangles[i].prim;
+            } else {
+                prim = accel->triangle_ids[i];
+                (void)rti_fetch_triangle(&accel->geo, prim, gathered);
+            }
+            az = rti_vsub(rti_vset(a[kz]), oz);
+            bz = rti_vsub(rti_vset(a[3 + kz]), oz);
+            cz = rti_vsub(rti_vset(a[6 + kz]), oz);
+            ax = rti_vsub(rti_vsub(rti_vset(a[kx]), ox), rti_vround(rti_vmul(sx, az)));
+            ay = rti_vsub(rti_vsub(rti_vset(a[ky]), oy), rti_vround(rti_vmul(sy, az)));
+            bx = rti_vsub(rti_vsub(rti_vset(a[3 + kx]), ox), rti_vround(rti_vmul(sx, bz)));
+            by = rti_vsub(rti_vsub(rti_vset(a[3 + ky]), oy), rti_vround(rti_vmul(sy, bz)));
+            cx = rti_vsub(rti_vsub(rti_vset(a[6 + kx]), ox), rti_vround(rti_vmul(sx, cz)));
+            cy = rti_vsub(rti_vsub(rti_vset(a[6 + ky]), oy), rti_vround(rti_vmul(sy, cz)));
+            u = rti_edge(cx, cy, bx, by);
+            v = rti_edge(ax, ay, cx, cy);
+            w = rti_edge(bx, by, ax, ay);
+            hit = live & ~(rti_vlt(rti_vmin(rti_vmin(u, v), w), rti_vset(0)) & rti_vlt(rti_vset(0), rti_vmax(rti_vmax(u, v), w)));
+            if (hit) {
+                const rti_d zero = rti_dset(0), depth = rti_widen(oz);
+                rti_d ud = rti_edge_exact(cx, cy, bx, by), vd = rti_edge_exact(ax, ay, cx, cy), wd = rti_edge_exact(bx, by, ax, ay);
+                rti_d det = rti_dadd(rti_dadd(ud, vd), wd), rdet, td;
+                hit &= ~((rti_dlt(ud, zero) | rti_dlt(vd, zero) | rti_dlt(wd, zero)) & (rti_dlt(zero, ud) | rti_dlt(zero, vd) | rti_dlt(zero, wd)));
+                hit &= rti_dlt(det, zero) | rti_dlt(zero, det);
+                if (hit) {
+                    td = rti_dadd(rti_product(ud, rti_dsub(rti_dset((double)a[kz]), depth)), rti_product(vd, rti_dsub(rti_dset((double)a[3 + kz]), depth)));
+                    td = rti_dadd(td, rti_product(wd, rti_dsub(rti_dset((double)a[6 + kz]), depth)));
+                    rdet = rti_ddiv(rti_dset(1), det);
+                    found |= hit = rti_accept(p, hit, rti_narrow(rti_dmul(rti_dmul(td, rdet), rti_dload(p->rdepth))), rti_narrow(rti_dmul(vd, rdet)),
+                                              rti_narrow(rti_dmul(wd, rdet)), prim, inst, flags);
+                    if (flags & RTI_WALK_ANY && !(lanes &= ~hit)) return found;
+                }
+            }
+        }
+    }
+    return found;
+}
+
+#if RTI_SPHERES
+RTI_FN rti_d rti_dot_exact(const rti_d a[3], const rti_d b[3])
+{
+    return rti_dadd(rti_dadd(rti_product(a[0], b[0]), rti_product(a[1], b[1])), rti_product(a[2], b[2]));
+}
+
+/* [Haines], in double: the discriminant from the vector between the centre and the ray's nearest point, and the roots without
+   a difference of near numbers. */
+RTI_FN unsigned rti_hit_spheres(const rt_accel *accel, rti_packet *p, unsigned lanes, const rti_node *leaf, uint32_t inst, int flags)
+{
+    unsigned found = 0;
+    uint32_t i;
+    for (i = 0; i < rti_leaf_count(leaf); i++) {
+        rti_ball ball, *b = &ball;
+        rti_d to[3], dir[3], off[3], a, half, k, disc, root, c, q, at, near_t, far_t;
+        rti_v tn, tf;
+        unsigned hit, ahead, moves;
+        int axis;
+        if (accel->balls) b = &accel->balls[leaf->index + i];
+        else {
+            ball.prim = accel->ball_ids[leaf->index + i];
+            rti_fill_ball(&ball, &accel->geo);
+        }
+        for (axis = 0; axis < 3; axis++) {
+            to[axis] = rti_dsub(rti_dset((double)b->center[axis]), rti_widen(rti_vload(p->org[axis])));
+            dir[axis] = rti_widen(rti_vload(p->dir[axis]));
+        }
+        a = rti_dot_exact(dir, dir);
+        half = rti_dot_exact(to, dir);
+        k = rti_ddiv(half, a);
+        for (axis = 0; axis < 3; axis++) off[axis] = rti_dsub(to[axis], rti_product(k, dir[axis]));
+        disc = rti_dsub(rti_product(rti_dset((double)b->radius), rti_dset((double)b->radius)), rti_dot_exact(off, off));
+        hit = lanes & ~rti_dlt(disc, rti_dset(0));
+        if (!hit) continue;
+        root = rti_dsqrt(rti_dmul(a, disc));
+        c = rti_dsub(rti_dot_exact(to, to), rti_product(rti_dset((double)b->radius), rti_dset((double)b->radius)));
+        ahead = ~rti_dlt(half, rti_dset(0)) & RTI_ALL_LANES;
+        q = rti_dselect(ahead, rti_dadd(half, root), rti_dsub(half, root));
+        at = rti_ddiv(q, a);
+        c = rti_ddiv(c, q);
+        near_t = rti_dselect(ahead, c, at);
+        far_t = rti_dselect(ahead, at, c);
+        moves = rti_dlt(q, rti_dset(0)) | rti_dlt(rti_dset(0), q);                 /* else tangent where the ray starts */
+        tn = rti_narrow(rti_dselect(moves, near_t, rti_dset(0)));
+        tf = rti_narrow(rti_dselect(moves, far_t, rti_dset(0)));
+        found |= hit = rti_accept(p, hit, rti_vselect(rti_vlt(rti_vload(p->tmin), tn), tn, tf), rti_vset(0), rti_vset(0), b->prim, inst, flags);
+        if (flags & RTI_WALK_ANY && !(lanes &= ~hit)) break;
+    }
+    return found;
+}
+#endif
+
+#if RTI_INSTANCES
+RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, int flags, rt_stats *stats);
+
+/* The rays go on in object space as a packet of their own; t means the same there. */
+RTI_FN unsigned rti_hit_instances(const rt_accel *accel, rti_packet *p, unsigned lanes, const rti_node *leaf, uint32_t inst, int flags, rt_stats *stats)
+{
+    unsigned found = 0;
+    uint32_t n;
+    for (n = 0; n < rti_leaf_count(leaf); n++) {
+        const rti_instance *in = &accel->instances[leaf->index + n];
+        rti_packet inner;
+        unsigned legal, hit;
+        int i, k;
+        for (i = 0; i < RTI_WIDTH; i++) {
+            float org[3], dir[3], to_org[3], to_dir[3];
+            for (k = 0; k < 3; k++) {
+                org[k] = p->org[k][i];
+                dir[k] = p->dir[k][i];
+            }
+            rti_transform_ray(in->inverse, org, dir, to_org, to_dir);
+            for (k = 0; k < 3; k++) {
+                inner.org[k][i] = to_org[k];
+                inner.dir[k][i] = to_dir[k];
+            }
+            inner.tmin[i] = p->tmin[i];
+            inner.t[i] = p->t[i];
+            inner.u[i] = p->u[i];
+            inner.v[i] = p->v[i];
+            inner.prim[i] = p->prim[i];
+            inner.inst[i] = p->inst[i];
+        }
+        legal = rti_prepare(in->accel, &inner, lanes);
+        if (!legal) continue;
+        hit = rti_walk(in->accel, &inner, legal, inst + 1 + in->base, flags, stats);
+        found |= hit;
+        if (flags & RTI_WALK_ANY) {
+            if (!(lanes &= ~hit)) break;
+        } else
+            for (i = 0; i < RTI_WIDTH; i++)
+                if (hit >> i & 1) {
+                    p->t[i] = inner.t[i];
+                    p->u[i] = inner.u[i];
+                    p->v[i] = inner.v[i];
+                    p->prim[i] = inner.prim[i];
+                    p->inst[i] = inner.inst[i];
+                }
+    }
+    return found;
+}
+#endif
+
+/* ---- >>traverse ----------------------------------------------------------------------------------------------------- */
+
+/* Depth first, near child first, the far child on a stack with where each ray enters it. Answers the lanes that hit something.
+   A box entered at just the t of the best hit is still visited: what is in it may have a lower id. */
+RTI_FN unsigned rti_walk_body(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const int flags, rt_stats *stats)
+{
+    struct { rti_v enter; uint32_t node; unsigned lanes; } stack[RTI_MAX_DEPTH];
+    const rti_node *const nodes = accel->nodes, *node = nodes;
+    rti_slabs s;
+    unsigned found = 0, lanes = live;
+    int top = 0, k;
+    (void)stats;
+    s.uniform = RTI_WIDTH == 1 || p->uniform;
+    s.tmin = rti_vload(p->tmin);
+    for (k = 0; k < 3; k++) {
+        s.side[k] = s.uniform ? p->side[k] : 0;
+        s.rdir[k] = rti_vload(p->rdir[k]);
+        s.near_org[k] = rti_vload(p->plane[s.side[k]][k]);
+        s.far_org[k] = rti_vload(p->plane[1 ^ s.side[k]][k]);
+    }
+    for (;;) {
+        while (!node->count) {
+            const rti_node *child = nodes + node->index;
+            rti_v best = rti_vload(p->t), enter0, enter1;
+            unsigned hit0 = rti_hit_box(&s, child, best, &enter0) & live, hit1 = rti_hit_box(&s, child + 1, best, &enter1) & live, both = hit0 & hit1;
+            RTI_TALLY(nodes, rti_bit_count(lanes));
+            RTI_TALLY(boxes, 2 * rti_bit_count(lanes));
+            RTI_TALLY(steps, 1);
+            RTI_TALLY(active, rti_bit_count(lanes));
+            if (hit0 && hit1) {             /* the first ray in both decides which is near */
+                unsigned second = RTI_WIDTH == 1 ? rti_vlt(enter1, enter0) : both & (0u - both) & rti_vlt(enter1, enter0);
+                RT_ASSERT(top < RTI_MAX_DEPTH);
+                stack[top].enter = second ? enter0 : enter1;
+                stack[top].node = node->index + (second ? 0 : 1);
+                stack[top++].lanes = second ? hit0 : hit1;
+                RTI_TALLY(pushes, 1);
+                node = child + (second ? 1 : 0);
+                lanes = second ? hit1 : hit0;
+            } else if (hit0 | hit1) {
+                node = child + (hit1 ? 1 : 0);
+                lanes = hit0 | hit1;
+            } else goto pop;
+        }
+        {
+            unsigned hit = 0;
+            RTI_TALLY(prims, rti_leaf_count(node) * (uint32_t)rti_bit_count(lanes));
+            if (!(flags & RTI_WALK_ALL) || rti_leaf_kind(node) == RTI_TRIANGLE) hit = rti_hit_triangles(accel, p, lanes, node, inst, flags);
+#if RTI_SPHERES
+            else if (rti_leaf_kind(node) == RTI_SPHERE) hit = rti_hit_spheres(accel, p, lanes, node, inst, flags);
+#endif
+#if RTI_INSTANCES
+            else hit = rti_hit_instances(accel, p, lanes, node, inst, flags, stats);
+#endif
+            found |= hit;
+            if (flags & RTI_WALK_ANY && !(live &= ~hit)) return found;
+        }
+pop:
+        do {
+            if (!top) return found;
+            lanes = stack[--top].lanes & live;
+            if (!(flags & RTI_WALK_ANY)) lanes &= rti_vle(stack[top].enter, rti_vload(p->t));
+        } while (!lanes);
+        node = nodes + stack[top].node;
+    }
+}
+
+#define RTI_WALK(name, constants)                                                                                              \
+    RTI_NOINLINE RTI_TARGET unsigned name(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, rt_stats *stats) \
+    {                                                                                                                          \
+        return rti_walk_body(accel, p, live, inst, constants, stats);                                                          \
+    }
+RTI_WALK(rti_walk_closest, 0)
+RTI_WALK(rti_walk_any, RTI_WALK_ANY)
+#if RTI_SPHERES || RTI_INSTANCES
+RTI_WALK(rti_walk_closest_all, RTI_WALK_ALL)
+RTI_WALK(rti_walk_any_all, RTI_WALK_ALL | RTI_WALK_ANY)
+#endif
+#if RTI_STATS
+RTI_WALK(rti_walk_closest_count, RTI_WALK_COUNT | RTI_WALK_ALL)
+RTI_WALK(rti_walk_any_count, RTI_WALK_COUNT | RTI_WALK_ALL | RTI_WALK_ANY)
+#endif
+#undef RTI_WALK
+
+/* Leaves out what this accel does not have. */
+RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, int flags, rt_stats *stats)
+{
+    const bool any = flags & RTI_WALK_ANY;
+    if (!accel->node_count || !live) return 0;
+#if RTI_STATS
+    if (stats) return any ? rti_walk_any_count(accel, p, live, inst, stats) : rti_walk_closest_count(accel, p, live, inst, stats);
+#endif
+#if RTI_SPHERES || RTI_INSTANCES
+    if (accel->slots[RTI_SPHERE] || accel->slots[RTI_INSTANCE])
+        return any ? rti_walk_any_all(accel, p, live, inst, stats) : rti_walk_closest_all(accel, p, live, inst, stats);
+#endif
+    return any ? rti_walk_any(accel, p, live, inst, stats) : rti_walk_closest(accel, p, live, inst, stats);
+}
+
+RTI_NOINLINE RTI_TARGET void rti_batch(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
+{
+    const bool any = job->query == RT_ANY;
+    size_t first;
+    for (first = 0; first < count; first += RTI_WIDTH) {
+        const int n = count - first < RTI_WIDTH ? (int)(count - first) : RTI_WIDTH;
+        unsigned live, found;
+        rti_packet p;
+        int i;
+        for (i = 0; i < RTI_WIDTH; i++) {   /* missing rays repeat the last and are not traced */
+            const rt_ray *ray = &rays[first + (size_t)(i < n ? i : n - 1)];
+            p.org[0][i] = ray->org.x;
+            p.org[1][i] = ray->org.y;
+            p.org[2][i] = ray->org.z;
+            p.dir[0][i] = ray->dir.x;
+            p.dir[1][i] = ray->dir.y;
+            p.dir[2][i] = ray->dir.z;
+            p.tmin[i] = ray->tmin;
+            p.t[i] = ray->tmax;
+            p.u[i] = p.v[i] = 0;
+            p.prim[i] = p.inst[i] = 0;
+        }
+        live = rti_prepare(accel, &p, RTI_ALL_LANES >> (RTI_WIDTH - n));
+        if (RTI_WIDTH > 1 && job->adaptive && live && !p.uniform) {
+            rti_batch_1(accel, job, rays + first, (size_t)n, hits + first);
+            continue;
+        }
+#if RTI_STATS
+        if (job->stats) job->stats->rays += (uint64_t)rti_bit_count(live);
+#endif
+        found = rti_walk(accel, &p, live, RT_NONE, any ? RTI_WALK_ANY : 0, job->stats);
+        for (i = 0; i < n; i++) {
+            rt_hit *hit = &hits[first + (size_t)i];
+            if (!(found >> i & 1)) rti_set_miss(hit);
+            else if (any) rti_set_any(hit);
+            else {
+                hit->t = p.t[i];
+                hit->u = p.u[i];
+                hit->v = p.v[i];
+                hit->prim = p.prim[i];
+                hit->inst = p.inst[i];
+            }
+        }
+    }
+}
+
+#undef RTI_NAME_
+#undef rti_v
+#undef rti_d
+#undef rti_vset
+#undef rti_vid
+#undef rti_vload
+#undef rti_vstore
+#undef rti_vadd
+#undef rti_vsub
+#undef rti_vmul
+#undef rti_vdiv
+#undef rti_vmin
+#undef rti_vmax
+#undef rti_vabs
+#undef rti_vsign
+#undef rti_vlt
+#undef rti_vle
+#undef rti_vnegative
+#undef rti_vselect
+#undef rti_vround
+#undef rti_vplane
+#undef rti_dset
+#undef rti_dload
+#undef rti_dstore
+#undef rti_dadd
+#undef rti_dsub
+#undef rti_dmul
+#undef rti_ddiv
+#undef rti_dsqrt
+#undef rti_dlt
+#undef rti_dselect
+#undef rti_widen
+#undef rti_narrow
+#undef rti_packet
+#undef rti_prepare
+#undef rti_hit_box
+#undef rti_slabs
+#undef rti_accept
+#undef rti_edge
+#undef rti_edge_exact
+#undef rti_product
+#undef rti_dot_exact
+#undef rti_hit_triangles
+#undef rti_hit_spheres
+#undef rti_hit_instances
+#undef rti_walk_body
+#undef rti_walk
+#undef rti_walk_closest
+#undef rti_walk_any
+#undef rti_walk_closest_all
+#undef rti_walk_any_all
+#undef rti_walk_closest_count
+#undef rti_walk_any_count
+#undef rti_batch
+#undef RTI_FN
+#undef RTI_ALL_LANES
+
+#endif /* RTI_PASS */
+
+/* ---- >>license ------------------------------------------------------------------------------------------------------
+
+   This software is available under two licenses: choose whichever you prefer.
+
+   ALTERNATIVE A - MIT License. Copyright (c) 2026 the rt.h authors
+
+   Permission is hereby granted, free of charge, to any person obtaining a copy of this software and associated documentation files
+   (the "Software"), to deal in the Software without restriction, including without limitation the rights to use, copy, modify, merge,
+   publish, distribute, sublicense, and/or sell copies of the Software, and to permit persons to whom the Software is furnished to do so,
+   subject to the following conditions: The above copyright notice and this permission notice shall be included in all copies or
+   substantial portions of the Software.
+
+   THE SOFTWARE IS PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR IMPLIED, INCLUDING BUT NOT LIMITED TO THE WARRANTIES OF
+   MERCHANTABILITY, FITNESS FOR A PARTICULAR PURPOSE AND NONINFRINGEMENT. IN NO EVENT SHALL THE AUTHORS OR COPYRIGHT HOLDERS BE LIABLE
+   FOR ANY CLAIM, DAMAGES OR OTHER LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR OTHERWISE, ARISING FROM, OUT OF OR IN
+   CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER DEALINGS IN THE SOFTWARE.
+
+   ALTERNATIVE B - Public Domain (www.unlicense.org)
+
+   This is free and unencumbered software released into the public domain. Anyone is free to copy, modify, publish, use, compile, sell,
+   or distribute this software, either in source code form or as a compiled binary, for any purpose, commercial or non-commercial, and
+   by any means. In jurisdictions that recognize copyright laws, the author or authors of this software dedicate any and all copyright
+   interest in the software to the public domain. We make this dedication for the benefit of the public at large and to the detriment of
+   our heirs and successors. We intend this dedication to be an overt act of relinquishment in perpetuity of all present and future
+   rights to this software under copyright law.
+
+   THE SOFTWARE IS PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR IMPLIED, INCLUDING BUT NOT LIMITED TO THE WARRANTIES OF
+   MERCHANTABILITY, FITNESS FOR A PARTICULAR PURPOSE AND NONINFRINGEMENT. IN NO EVENT SHALL THE AUTHORS BE LIABLE FOR ANY CLAIM, DAMAGES
+   OR OTHER LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR OTHERWISE, ARISING FROM, OUT OF OR IN CONNECTION WITH THE SOFTWARE OR
+   THE USE OR OTHER DEALINGS IN THE SOFTWARE.  */
