@@ -269,7 +269,7 @@ typedef struct {
 /* One row of the table, or NULL past its end: for (i = 0; (info = rt_algorithm_get(i)) != NULL; i++). */
 RT_API const rt_algorithm_info *rt_algorithm_get(size_t i);
 
-/* The packet widths that algorithm takes on this processor: writes up to max of them to widths, returns how many there are. */
+/* The packet widths that algorithm takes on this processor, ascending: writes up to max of them to widths, returns how many there are. */
 RT_API size_t rt_packet_widths(rt_algorithm algorithm, int *widths, size_t max);
 
 #ifndef RT_NO_STATS
@@ -288,7 +288,7 @@ typedef struct {
 /* Zero is the default of every field. */
 typedef struct {
     rt_algorithm algorithm;                 /* RT_AUTO */
-    int packet_width;                       /* 0 = default; else one of rt_packet_widths: 1 = single rays, 2 = 2x2, 8 = 8 rays */
+    int packet_width;                       /* 0 = the widest; else one of rt_packet_widths: 1 = single rays, 2 = 2x2, 8 = 8 rays */
     rt_cull cull;
     rt_query query;                         /* RT_CLOSEST */
     const float *times;                     /* one a ray in [0,1], for moving instances; NULL = 0. No instance moves yet */
@@ -459,7 +459,13 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 RTI_INLINE float rti_roundf(float x) { RTI_ROUND(x); return x; }
 RTI_INLINE double rti_round(double x) { RTI_ROUND(x); return x; }
 
-#if RTI_X86 && RTI_PACKETS
+#if RTI_X86
+#if defined(__GNUC__) || defined(__clang__)
+#define RTI_TARGET_AVX2 __attribute__((target("avx2,fma")))
+#else
+#define RTI_TARGET_AVX2
+#endif
+
 static bool rti_has_avx2(void)
 {
 #if defined(__GNUC__) || defined(__clang__)
@@ -564,7 +570,7 @@ static int rti_ceil_log2(size_t n)
 /* ---- layout ---
 
    node, 32 bytes                                          triangle, 40 bytes
-     bounds[0] lower x y z   bounds[1] upper x y z           v[0..8] three vertices   prim
+     bounds[0..2] lower x y z   bounds[3..5] upper x y z     v[0..8] three vertices   prim
      index  inner: first of two children, index and index + 1;  leaf: first slot in the array of its kind
      count  0: inner node;  else leaf: kind << 28 | number of primitives (a leaf holds one kind only)
 
@@ -577,7 +583,7 @@ enum { RTI_TRIANGLE, RTI_SPHERE, RTI_INSTANCE, RTI_KINDS };
 #define RTI_MAX_DEPTH 64                    /* edges; a traversal stack holds at most one entry a level */
 #define RTI_MAX_LEAF 8                      /* primitives, unless SAH never gets there */
 
-typedef struct { float bounds[2][3]; uint32_t index, count; } rti_node;
+typedef struct { float bounds[6]; uint32_t index, count; } rti_node;
 typedef struct { float v[9]; uint32_t prim; } rti_triangle;
 typedef struct { float center[3], radius; uint32_t prim; } rti_ball;
 typedef struct {
@@ -615,6 +621,12 @@ struct rt_accel {
     size_t bytes;
     void *memory_user;
 };
+
+RTI_INLINE void rti_set_bounds(rti_node *node, const rti_box *box)
+{
+    memcpy(node->bounds, box->lo, 3 * sizeof(float));
+    memcpy(node->bounds + 3, box->hi, 3 * sizeof(float));
+}
 
 RTI_INLINE int rti_leaf_kind(const rti_node *node) { return (int)(node->count >> RTI_KIND_SHIFT); }
 RTI_INLINE uint32_t rti_leaf_count(const rti_node *node) { return node->count & RTI_COUNT_MASK; }
@@ -838,7 +850,7 @@ RTI_NOINLINE bool rti_validate(const rt_accel *accel)
         visited++;
         if (depth > deepest) deepest = depth;
         for (k = 0; k < 3; k++)
-            if (!(node->bounds[0][k] <= node->bounds[1][k])) return false;
+            if (!(node->bounds[k] <= node->bounds[3 + k])) return false;
         if (node->count) {
             int kind = rti_leaf_kind(node);
             if (kind >= RTI_KINDS || node->index != seen[kind]) return false;           /* slots in depth-first order */
@@ -848,7 +860,7 @@ RTI_NOINLINE bool rti_validate(const rt_accel *accel)
         if (node->index <= at || node->index + 1 >= accel->node_count || top + 2 > RTI_MAX_DEPTH + 1) return false;
         for (k = 0; k < 6; k++) {
             const rti_node *child = &accel->nodes[node->index + (uint32_t)(k & 1)];
-            if (child->bounds[0][k / 2] < node->bounds[0][k / 2] || child->bounds[1][k / 2] > node->bounds[1][k / 2]) return false;
+            if (child->bounds[k / 2] < node->bounds[k / 2] || child->bounds[3 + k / 2] > node->bounds[3 + k / 2]) return false;
         }
         stack[top].node = node->index + 1;
         stack[top++].depth = depth + 1;
@@ -1138,8 +1150,7 @@ static bool rti_split_node(rti_builder *b, const rti_work *work, bool chunked, r
     rti_split split;
     size_t left = 0;
     bool have_parts = false;
-    memcpy(node->bounds[0], work->box.lo, sizeof node->bounds[0]);
-    memcpy(node->bounds[1], work->box.hi, sizeof node->bounds[1]);
+    rti_set_bounds(node, &work->box);
 
     /* SAH, unless so few levels are left that only halving is sure to end in time (2 levels are kept for rti_sort_kinds). */
     if (work->count > 1 && work->depth + rti_ceil_log2(work->count) < RTI_MAX_DEPTH - 2) {
@@ -1284,8 +1295,8 @@ static void rti_set_root(rt_accel *accel)
 {
     int k;
     for (k = 0; k < 3; k++) {
-        accel->lower[k] = accel->node_count ? accel->nodes[0].bounds[0][k] : RTI_INFINITY;
-        accel->upper[k] = accel->node_count ? accel->nodes[0].bounds[1][k] : -RTI_INFINITY;
+        accel->lower[k] = accel->node_count ? accel->nodes[0].bounds[k] : RTI_INFINITY;
+        accel->upper[k] = accel->node_count ? accel->nodes[0].bounds[3 + k] : -RTI_INFINITY;
     }
 }
 
@@ -1704,11 +1715,10 @@ RT_API rt_status rt_refit_error(rt_accel *accel, const rt_geometry *geo, rt_erro
         else
             for (k = 0; k < 3; k++) {
                 const rti_node *a = &accel->nodes[node->index], *b = a + 1;
-                box.lo[k] = a->bounds[0][k] < b->bounds[0][k] ? a->bounds[0][k] : b->bounds[0][k];
-                box.hi[k] = a->bounds[1][k] > b->bounds[1][k] ? a->bounds[1][k] : b->bounds[1][k];
+                box.lo[k] = a->bounds[k] < b->bounds[k] ? a->bounds[k] : b->bounds[k];
+                box.hi[k] = a->bounds[3 + k] > b->bounds[3 + k] ? a->bounds[3 + k] : b->bounds[3 + k];
             }
-        memcpy(node->bounds[0], box.lo, sizeof node->bounds[0]);
-        memcpy(node->bounds[1], box.hi, sizeof node->bounds[1]);
+        rti_set_bounds(node, &box);
     }
     rti_set_root(accel);
     rti_set_reach(accel);
@@ -1743,8 +1753,8 @@ RT_API void rt_get_info(const rt_accel *accel, rt_info *info)
         const rti_node *node = &accel->nodes[i];
         rti_box box;
         double part;
-        memcpy(box.lo, node->bounds[0], sizeof node->bounds[0]);
-        memcpy(box.hi, node->bounds[1], sizeof node->bounds[1]);
+        memcpy(box.lo, node->bounds, 3 * sizeof(float));
+        memcpy(box.hi, node->bounds + 3, 3 * sizeof(float));
         part = rti_half_area(&box);
         if (!i) area = part;
         part = area > 0 ? part / area : 1;
@@ -1820,7 +1830,6 @@ typedef struct { uint64_t unused; } rt_stats;
 
 typedef struct {
     rt_query query;
-    bool adaptive;                          /* RT_AUTO: packets whose directions disagree go on as single rays */
     rt_stats *stats;
 } rti_job;
 
@@ -1858,52 +1867,50 @@ RTI_INLINE int rti_lowest_bit(unsigned bits)
 #define RTI_PASTE2(a, b) a##b
 #define RTI_PASTE(a, b) RTI_PASTE2(a, b)
 
-/* This file again, once a width: 1 ray, 4 rays, 8 rays. */
+/* This file again, once a width and instruction set. */
 #define RTI_PASS
-#define RTI_WIDTH 1
-#define RTI_LANES RTI_LANES_FLOAT
-#define RTI_SUFFIX _1
-#define RTI_TARGET
 #define RTI_LANES_FLOAT 1
 #define RTI_LANES_ARRAY 2
 #define RTI_LANES_SSE2  3
 #define RTI_LANES_AVX2  4
-#include RT_SELF
-#undef RTI_WIDTH
-#undef RTI_LANES
-#undef RTI_SUFFIX
-#undef RTI_TARGET
 
-#if RTI_PACKETS
-#define RTI_WIDTH 4
-#define RTI_SUFFIX _4
+#define RTI_WIDTH 1                         /* 1 ray */
+#define RTI_LANES RTI_LANES_FLOAT
+#define RTI_SUFFIX _1
+#define RTI_FMA 0
 #define RTI_TARGET
-#if RTI_X86
-#define RTI_LANES RTI_LANES_SSE2
-#else
-#define RTI_LANES RTI_LANES_ARRAY
-#endif
 #include RT_SELF
-#undef RTI_WIDTH
-#undef RTI_LANES
-#undef RTI_SUFFIX
-#undef RTI_TARGET
 
 #if RTI_X86
-#define RTI_WIDTH 8
+#define RTI_WIDTH 1                         /* 1 ray, where the processor has AVX2 and FMA */
+#define RTI_LANES RTI_LANES_FLOAT
+#define RTI_SUFFIX _1_avx2
+#define RTI_FMA 1
+#define RTI_TARGET RTI_TARGET_AVX2
+#include RT_SELF
+#endif
+
+#if RTI_PACKETS && RTI_X86
+#define RTI_WIDTH 4                         /* 2 x 2 rays */
+#define RTI_LANES RTI_LANES_SSE2
+#define RTI_SUFFIX _4
+#define RTI_FMA 0
+#define RTI_TARGET
+#include RT_SELF
+
+#define RTI_WIDTH 8                         /* 8 rays */
 #define RTI_LANES RTI_LANES_AVX2
 #define RTI_SUFFIX _8
-#if defined(__GNUC__) || defined(__clang__)
-#define RTI_TARGET __attribute__((target("avx2,fma")))
-#else
-#define RTI_TARGET
-#endif
+#define RTI_FMA 1
+#define RTI_TARGET RTI_TARGET_AVX2
 #include RT_SELF
-#undef RTI_WIDTH
-#undef RTI_LANES
-#undef RTI_SUFFIX
-#undef RTI_TARGET
-#endif
+#elif RTI_PACKETS
+#define RTI_WIDTH 4                         /* 2 x 2 rays, in plain C */
+#define RTI_LANES RTI_LANES_ARRAY
+#define RTI_SUFFIX _4
+#define RTI_FMA 0
+#define RTI_TARGET
+#include RT_SELF
 #endif
 #undef RTI_PASS
 
@@ -1921,10 +1928,8 @@ RT_API const rt_algorithm_info *rt_algorithm_get(size_t i) { return i < RT_ALGOR
 
 RT_API rt_isa rt_best_isa(void)
 {
-#if RTI_X86 && RTI_PACKETS
+#if RTI_X86
     return rti_has_avx2() ? RT_ISA_AVX2 : RT_ISA_SSE2;
-#elif RTI_X86
-    return RT_ISA_SSE2;
 #else
     return RT_ISA_SCALAR;
 #endif
@@ -1935,6 +1940,9 @@ static rti_batch_function rti_batch_of(rt_algorithm algorithm, int width, rt_isa
 {
     bool single = algorithm == RT_AUTO || algorithm == RT_BVH_STACK, packet = rti_algorithms[algorithm].packets;
     if (isa == RT_ISA_AUTO) isa = rt_best_isa();
+#if RTI_X86
+    if (single && width == 1 && isa == RT_ISA_AVX2) return rti_batch_1_avx2;
+#endif
     if (single && width == 1) return rti_batch_1;
 #if RTI_PACKETS
     if (packet && width == 2) return rti_batch_4;
@@ -1976,21 +1984,22 @@ RT_API const char *rt_status_string(rt_status status)
 
 RT_API bool rt_intersect(const rt_accel *accel, const rt_ray *ray, rt_hit *hit)
 {
-    static const rti_job job = { RT_CLOSEST, false, NULL };
-    rti_batch_1(accel, &job, ray, 1, hit);
+    static const rti_job job = { RT_CLOSEST, NULL };
+    rti_batch_of(RT_BVH_STACK, 1, RT_ISA_AUTO)(accel, &job, ray, 1, hit);
     return hit->prim != RT_NONE;
 }
 
 RT_API bool rt_occluded(const rt_accel *accel, const rt_ray *ray)
 {
-    static const rti_job job = { RT_ANY, false, NULL };
+    static const rti_job job = { RT_ANY, NULL };
     rt_hit hit;
-    rti_batch_1(accel, &job, ray, 1, &hit);
+    rti_batch_of(RT_BVH_STACK, 1, RT_ISA_AUTO)(accel, &job, ray, 1, &hit);
     return hit.prim != RT_NONE;
 }
 
-/* Resolves and checks everything of opt once: the batch function, or an error. */
-static rt_status rti_choose(const rt_trace_options *opt, rti_batch_function *batch)
+/* Resolves and checks everything of opt once: the batch function, or an error. RT_AUTO takes the widest packets, which measure
+   faster than single rays even on diffuse bounces, and single rays where there are too few for a packet. */
+static rt_status rti_choose(const rt_trace_options *opt, size_t count, rti_batch_function *batch)
 {
     static const char *const structures[] = {
         RT_STRUCTURE_LIST(RTI_NAME)
@@ -2000,7 +2009,7 @@ static rt_status rti_choose(const rt_trace_options *opt, rti_batch_function *bat
         RT_ISA_LIST(RTI_NAME)
     };
     const rt_algorithm_info *info;
-    int widths[8];
+    int widths[8], width;
     size_t n, i;
     bool has_isa;
     if ((unsigned)opt->algorithm >= RT_ALGORITHM_COUNT)
@@ -2018,7 +2027,8 @@ static rt_status rti_choose(const rt_trace_options *opt, rti_batch_function *bat
                       : opt->isa == RT_ISA_AUTO || opt->isa == RT_ISA_SCALAR;
     if (!has_isa) return RTI_FAIL(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "isa %s is not built or not on this processor", isas[opt->isa]);
     n = rti_widths(opt->algorithm, opt->isa, widths, 8);
-    *batch = opt->packet_width ? rti_batch_of(opt->algorithm, opt->packet_width, opt->isa) : rti_batch_of(opt->algorithm, widths[n - 1], opt->isa);
+    width = opt->packet_width ? opt->packet_width : opt->algorithm == RT_AUTO && count < 4 ? 1 : widths[n - 1];
+    *batch = rti_batch_of(opt->algorithm, width, opt->isa);
     if (!*batch) {
         char list[64];
         size_t used = 0;
@@ -2041,9 +2051,8 @@ RT_API rt_status rt_trace(const rt_accel *accel, const rt_trace_options *opt, co
     }
     if (!accel) return RTI_FAIL(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "accel is NULL");
     if (count && (!rays || !hits)) return RTI_FAIL(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", rays ? "hits" : "rays");
-    if ((status = rti_choose(opt, &batch)) != RT_OK) return status;
+    if ((status = rti_choose(opt, count, &batch)) != RT_OK) return status;
     job.query = opt->query;
-    job.adaptive = opt->algorithm == RT_AUTO;
 #if RTI_STATS
     job.stats = opt->stats;
 #else
@@ -2241,7 +2250,6 @@ static void rti_render_block(const rt_scene *scene, const rt_render_options *opt
         rays[n++] = rti_view_ray(view, (float)(box[0] + (int)x) + dx, (float)(box[1] + (int)y) + dy);
     }
     job.query = RT_CLOSEST;
-    job.adaptive = opt->trace.algorithm == RT_AUTO;
 #if RTI_STATS
     job.stats = opt->trace.stats;
 #else
@@ -2314,7 +2322,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
     if (!(scene->camera.fov > 0 && scene->camera.fov < 180))
         return RTI_FAIL(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "the camera's fov must lie between 0 and 180 degrees");
     if ((status = rti_check_scene(scene, opt, 0)) != RT_OK) return status;
-    if ((status = rti_choose(&opt->trace, &batch)) != RT_OK) return status;
+    if ((status = rti_choose(&opt->trace, RTI_BLOCK_RAYS, &batch)) != RT_OK) return status;
     view = rti_make_view(&scene->camera, opt->width, opt->height);
     for (box[1] = y0; box[1] < y1; box[1] += RTI_BLOCK)
         for (box[0] = x0; box[0] < x1; box[0] += RTI_BLOCK) {
@@ -2377,6 +2385,9 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_narrow RTI_NAME_(rti_narrow)
 #define rti_packet RTI_NAME_(rti_packet)
 #define rti_prepare RTI_NAME_(rti_prepare)
+#define rti_slab RTI_NAME_(rti_slab)
+#define rti_make_slab RTI_NAME_(rti_make_slab)
+#define rti_cross_slab RTI_NAME_(rti_cross_slab)
 #define rti_hit_box RTI_NAME_(rti_hit_box)
 #define rti_slabs RTI_NAME_(rti_slabs)
 #define rti_accept RTI_NAME_(rti_accept)
@@ -2420,7 +2431,11 @@ RTI_FN unsigned rti_vle(rti_v a, rti_v b) { return a <= b; }
 RTI_FN unsigned rti_vnegative(rti_v a) { uint32_t bits; memcpy(&bits, &a, sizeof bits); return bits >> 31; }
 RTI_FN rti_v rti_vselect(unsigned lanes, rti_v a, rti_v b) { return lanes ? a : b; }
 RTI_FN rti_v rti_vround(rti_v a) { return rti_roundf(a); }
+#if RTI_FMA
+RTI_FN rti_v rti_vplane(float plane, rti_v org_rdir, rti_v rdir) { return fmaf(plane, rdir, -org_rdir); }
+#else
 RTI_FN rti_v rti_vplane(float plane, rti_v org, rti_v rdir) { return (plane - org) * rdir; }
+#endif
 RTI_FN rti_d rti_dset(double x) { return x; }
 RTI_FN rti_d rti_dload(const double *p) { return *p; }
 RTI_FN void rti_dstore(double *p, rti_d a) { *p = a; }
@@ -2604,8 +2619,9 @@ typedef struct {
     float plane[2][3][RTI_WIDTH];                           /* org as rti_vplane wants it, padded, for lower and upper planes */
     float shear[2][RTI_WIDTH];                              /* dir[kx] / dir[kz], dir[ky] / dir[kz] */
     double rdepth[RTI_WIDTH];                               /* 1 / dir[kz] */
-    unsigned axis[3];                                       /* lanes whose kz is that axis */
-    int side[3];                                            /* uniform directions: which plane of a box is met first */
+    unsigned axis[3];                                       /* lanes whose kz is that axis, */
+    int first_axis, last_axis;                              /* and which axes have any */
+    int side[3];                                            /* uniform directions: 1 where upper planes are met first */
     bool uniform;
 } RTI_ALIGNED(32) rti_packet;
 
@@ -2644,6 +2660,8 @@ RTI_FN unsigned rti_prepare(const rt_accel *accel, rti_packet *p, unsigned lanes
     p->axis[2] = z_over;
     p->axis[1] = y_over_x & ~z_over;
     p->axis[0] = RTI_ALL_LANES & ~(y_over_x | z_over);
+    p->first_axis = p->axis[0] & legal ? 0 : p->axis[1] & legal ? 1 : 2;
+    p->last_axis = p->axis[2] & legal ? 2 : p->axis[1] & legal ? 1 : 0;
     depth = rti_vselect(z_over, dir[2], rti_vselect(y_over_x, dir[1], dir[0]));
     rti_vstore(p->shear[0], rti_vdiv(rti_vselect(z_over, dir[0], rti_vselect(y_over_x, dir[2], dir[1])), depth));
     rti_vstore(p->shear[1], rti_vdiv(rti_vselect(z_over, dir[1], rti_vselect(y_over_x, dir[0], dir[2])), depth));
@@ -2659,7 +2677,7 @@ RTI_FN unsigned rti_prepare(const rt_accel *accel, rti_packet *p, unsigned lanes
         unsigned negative = rti_vnegative(dir[k]) & legal;
         step = rti_vadd(pad, rti_vmul(rti_vabs(org[k]), rti_vset(2.384185791015625e-07f)));         /* 4 e |org| */
         rti_vstore(p->rdir[k], rdir);
-#if RTI_LANES == RTI_LANES_AVX2
+#if RTI_FMA
         rti_vstore(p->plane[0][k], rti_vmul(rti_vadd(org[k], step), rdir));
         rti_vstore(p->plane[1][k], rti_vmul(rti_vsub(org[k], step), rdir));
 #else
@@ -2674,27 +2692,43 @@ RTI_FN unsigned rti_prepare(const rt_accel *accel, rti_packet *p, unsigned lanes
 
 /* The packet's constants of the box test, in registers where they fit. With uniform directions near and far planes are known
    beforehand; else both planes of an axis are tested and sorted. */
-typedef struct { rti_v rdir[3], near_org[3], far_org[3], tmin; int side[3]; bool uniform; } rti_slabs;
+typedef struct { rti_v rdir, near_org, far_org; int near_plane, far_plane; } rti_slab;
+typedef struct { rti_slab x, y, z; rti_v tmin; bool uniform; } rti_slabs;
+
+RTI_FN rti_slab rti_make_slab(const rti_packet *p, int axis, bool uniform)
+{
+    const int side = uniform ? p->side[axis] : 0;
+    rti_slab s;
+    s.rdir = rti_vload(p->rdir[axis]);
+    s.near_org = rti_vload(p->plane[side][axis]);
+    s.far_org = rti_vload(p->plane[1 - side][axis]);
+    s.near_plane = 3 * side + axis;
+    s.far_plane = 3 - 3 * side + axis;
+    return s;
+}
+
+RTI_FN void rti_cross_slab(const rti_slab *s, const rti_node *node, bool uniform, rti_v *enter, rti_v *leave)
+{
+    rti_v a = rti_vplane(node->bounds[s->near_plane], s->near_org, s->rdir), b = rti_vplane(node->bounds[s->far_plane], s->far_org, s->rdir);
+    *enter = uniform ? a : rti_vmin(a, b);
+    *leave = uniform ? b : rti_vmax(a, b);
+}
 
 /* Lanes whose ray meets the node's box between tmin and tmax, and where they enter it. */
 RTI_FN unsigned rti_hit_box(const rti_slabs *s, const rti_node *node, rti_v tmax, rti_v *enter)
 {
-    rti_v a0 = rti_vplane(node->bounds[s->side[0]][0], s->near_org[0], s->rdir[0]), b0 = rti_vplane(node->bounds[1 ^ s->side[0]][0], s->far_org[0], s->rdir[0]);
-    rti_v a1 = rti_vplane(node->bounds[s->side[1]][1], s->near_org[1], s->rdir[1]), b1 = rti_vplane(node->bounds[1 ^ s->side[1]][1], s->far_org[1], s->rdir[1]);
-    rti_v a2 = rti_vplane(node->bounds[s->side[2]][2], s->near_org[2], s->rdir[2]), b2 = rti_vplane(node->bounds[1 ^ s->side[2]][2], s->far_org[2], s->rdir[2]);
-    if (!s->uniform) {
-        rti_v swap = rti_vmin(a0, b0);
-        b0 = rti_vmax(a0, b0);
-        a0 = swap;
-        swap = rti_vmin(a1, b1);
-        b1 = rti_vmax(a1, b1);
-        a1 = swap;
-        swap = rti_vmin(a2, b2);
-        b2 = rti_vmax(a2, b2);
-        a2 = swap;
+    rti_v x0, x1, y0, y1, z0, z1;
+    if (s->uniform) {
+        rti_cross_slab(&s->x, node, true, &x0, &x1);
+        rti_cross_slab(&s->y, node, true, &y0, &y1);
+        rti_cross_slab(&s->z, node, true, &z0, &z1);
+    } else {
+        rti_cross_slab(&s->x, node, false, &x0, &x1);
+        rti_cross_slab(&s->y, node, false, &y0, &y1);
+        rti_cross_slab(&s->z, node, false, &z0, &z1);
     }
-    *enter = rti_vmax(rti_vmax(a0, a1), rti_vmax(a2, s->tmin));
-    return rti_vle(*enter, rti_vmin(rti_vmin(b0, b1), rti_vmin(b2, tmax)));
+    *enter = rti_vmax(rti_vmax(x0, y0), rti_vmax(z0, s->tmin));
+    return rti_vle(*enter, rti_vmin(rti_vmin(x1, y1), rti_vmin(z1, tmax)));
 }
 
 /* ---- >>primitives --------------------------------------------------------------------------------------------------- */
@@ -2745,7 +2779,7 @@ RTI_FN unsigned rti_hit_triangles(const rt_accel *accel, rti_packet *p, unsigned
     const uint32_t first = leaf->index, last = first + rti_leaf_count(leaf);
     unsigned found = 0;
     int kz;
-    for (kz = 0; kz < 3; kz++) {
+    for (kz = p->first_axis; kz <= p->last_axis; kz++) {
         const int kx = kz == 2 ? 0 : kz + 1, ky = kx == 2 ? 0 : kx + 1;
         const unsigned live = lanes & p->axis[kz];
         rti_v ox, oy, oz, sx, sy;
@@ -2911,20 +2945,18 @@ RTI_FN unsigned rti_hit_instances(const rt_accel *accel, rti_packet *p, unsigned
    A box entered at just the t of the best hit is still visited: what is in it may have a lower id. */
 RTI_FN unsigned rti_walk_body(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const int flags, rt_stats *stats)
 {
-    struct { rti_v enter; uint32_t node; unsigned lanes; } stack[RTI_MAX_DEPTH];
+    struct { const rti_node *node; rti_v enter; } stack[RTI_MAX_DEPTH];
+    unsigned stack_lanes[RTI_MAX_DEPTH];
     const rti_node *const nodes = accel->nodes, *node = nodes;
     rti_slabs s;
     unsigned found = 0, lanes = live;
-    int top = 0, k;
+    int top = 0;
     (void)stats;
     s.uniform = RTI_WIDTH == 1 || p->uniform;
     s.tmin = rti_vload(p->tmin);
-    for (k = 0; k < 3; k++) {
-        s.side[k] = s.uniform ? p->side[k] : 0;
-        s.rdir[k] = rti_vload(p->rdir[k]);
-        s.near_org[k] = rti_vload(p->plane[s.side[k]][k]);
-        s.far_org[k] = rti_vload(p->plane[1 ^ s.side[k]][k]);
-    }
+    s.x = rti_make_slab(p, 0, s.uniform);
+    s.y = rti_make_slab(p, 1, s.uniform);
+    s.z = rti_make_slab(p, 2, s.uniform);
     for (;;) {
         while (!node->count) {
             const rti_node *child = nodes + node->index;
@@ -2934,18 +2966,31 @@ RTI_FN unsigned rti_walk_body(const rt_accel *accel, rti_packet *p, unsigned liv
             RTI_TALLY(boxes, 2 * rti_bit_count(lanes));
             RTI_TALLY(steps, 1);
             RTI_TALLY(active, rti_bit_count(lanes));
-            if (hit0 && hit1) {             /* the first ray in both decides which is near */
-                unsigned second = RTI_WIDTH == 1 ? rti_vlt(enter1, enter0) : both & (0u - both) & rti_vlt(enter1, enter0);
-                RT_ASSERT(top < RTI_MAX_DEPTH);
-                stack[top].enter = second ? enter0 : enter1;
-                stack[top].node = node->index + (second ? 0 : 1);
-                stack[top++].lanes = second ? hit0 : hit1;
-                RTI_TALLY(pushes, 1);
-                node = child + (second ? 1 : 0);
-                lanes = second ? hit1 : hit0;
-            } else if (hit0 | hit1) {
-                node = child + (hit1 ? 1 : 0);
-                lanes = hit0 | hit1;
+            if (hit0) {                     /* branches, not selects: a predicted child is fetched before its box is known to be hit */
+                if (hit1) {                 /* the first ray in both decides which is near */
+                    RT_ASSERT(top < RTI_MAX_DEPTH);
+                    if (RTI_WIDTH == 1 ? rti_vlt(enter1, enter0) : both & (0u - both) & rti_vlt(enter1, enter0)) {
+                        stack[top].enter = enter0;
+                        stack[top].node = child;
+                        if (RTI_WIDTH > 1) stack_lanes[top] = hit0;
+                        node = child + 1;
+                        lanes = hit1;
+                    } else {
+                        stack[top].enter = enter1;
+                        stack[top].node = child + 1;
+                        if (RTI_WIDTH > 1) stack_lanes[top] = hit1;
+                        node = child;
+                        lanes = hit0;
+                    }
+                    top++;
+                    RTI_TALLY(pushes, 1);
+                } else {
+                    node = child;
+                    lanes = hit0;
+                }
+            } else if (hit1) {
+                node = child + 1;
+                lanes = hit1;
             } else goto pop;
         }
         {
@@ -2964,10 +3009,11 @@ RTI_FN unsigned rti_walk_body(const rt_accel *accel, rti_packet *p, unsigned liv
 pop:
         do {
             if (!top) return found;
-            lanes = stack[--top].lanes & live;
+            top--;
+            lanes = RTI_WIDTH > 1 ? stack_lanes[top] & live : live;
             if (!(flags & RTI_WALK_ANY)) lanes &= rti_vle(stack[top].enter, rti_vload(p->t));
         } while (!lanes);
-        node = nodes + stack[top].node;
+        node = stack[top].node;
     }
 }
 
@@ -3026,10 +3072,6 @@ RTI_NOINLINE RTI_TARGET void rti_batch(const rt_accel *accel, const rti_job *job
             p.prim[i] = p.inst[i] = 0;
         }
         live = rti_prepare(accel, &p, RTI_ALL_LANES >> (RTI_WIDTH - n));
-        if (RTI_WIDTH > 1 && job->adaptive && live && !p.uniform) {
-            rti_batch_1(accel, job, rays + first, (size_t)n, hits + first);
-            continue;
-        }
 #if RTI_STATS
         if (job->stats) job->stats->rays += (uint64_t)rti_bit_count(live);
 #endif
@@ -3084,6 +3126,9 @@ RTI_NOINLINE RTI_TARGET void rti_batch(const rt_accel *accel, const rti_job *job
 #undef rti_narrow
 #undef rti_packet
 #undef rti_prepare
+#undef rti_slab
+#undef rti_make_slab
+#undef rti_cross_slab
 #undef rti_hit_box
 #undef rti_slabs
 #undef rti_accept
@@ -3105,6 +3150,11 @@ RTI_NOINLINE RTI_TARGET void rti_batch(const rt_accel *accel, const rti_job *job
 #undef rti_batch
 #undef RTI_FN
 #undef RTI_ALL_LANES
+#undef RTI_WIDTH
+#undef RTI_LANES
+#undef RTI_SUFFIX
+#undef RTI_FMA
+#undef RTI_TARGET
 
 #endif /* RTI_PASS */
 
