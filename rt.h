@@ -2316,7 +2316,10 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
     rti_batch_function batch;
     rti_view view;
     rt_status status;
-    int box[4], spp = opt->spp > 0 ? opt->spp : 1, sample, x, y;
+    int box[4], spp, sample, x, y;
+    if (!opt) return RT_ERROR_ARGUMENT;     /* nowhere to put a message */
+    if (!scene || !pixels) return RTI_FAIL(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", scene ? "pixels" : "scene");
+    spp = opt->spp > 0 ? opt->spp : 1;
     if (opt->width < 1 || opt->height < 1 || x0 < 0 || y0 < 0 || x1 > opt->width || y1 > opt->height || opt->spp < 0)
         return RTI_FAIL(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "the tile leaves the picture, or spp is negative");
     if (!(scene->camera.fov > 0 && scene->camera.fov < 180))
@@ -2634,7 +2637,8 @@ typedef struct {
    what rti_set_reach says. That is [Ize]'s idea as an absolute bound, which holds for t of any sign, and at vertices too.
 
    Directions smaller than least count as least: so nothing overflows and no 0 * inf appears. The ray then errs by at most R * least / largest
-   within the box, which is padded too. */
+   within the box, which is padded too. Near zero errors stop being relative: coordinates and t then err by a few of the smallest normal
+   float (also with flush-to-zero), t times the direction in space. */
 RTI_FN unsigned rti_prepare(const rt_accel *accel, rti_packet *p, unsigned lanes)
 {
     rti_v org[3], dir[3], reach = rti_vset(0), far_org = rti_vset(0), largest, least, pad, x_or_y, depth, step;
@@ -2670,6 +2674,7 @@ RTI_FN unsigned rti_prepare(const rt_accel *accel, rti_packet *p, unsigned lanes
     least = rti_vmax(rti_vmul(largest, rti_vset(2.98023224e-08f)), rti_vmul(rti_vadd(reach, far_org), rti_vset(1e-37f)));
     pad = rti_vmul(reach, rti_vset(9.5367431640625e-07f));                                          /* 16 e R */
     pad = rti_vadd(pad, rti_vmul(reach, rti_vdiv(least, largest)));
+    pad = rti_vadd(pad, rti_vmul(rti_vadd(largest, rti_vset(1)), rti_vset(1e-37f)));               /* of the smallest floats */
     pad = rti_vadd(pad, rti_vmul(rti_vset(accel->spread * 5.9604644775390625e-08f), rti_vadd(far_org, rti_vset(accel->extent))));
     p->uniform = true;
     for (k = 0; k < 3; k++) {
