@@ -1,0 +1,86 @@
+# rt.h: programs, tests and checks. `make help` lists the targets.
+
+CC     ?= cc
+config ?= release
+WARN    = -Wall -Wextra -Wpedantic -Wconversion -Wshadow -Wdouble-promotion -Werror
+LIBS    = -lm -lpthread
+
+# config=NAME builds into build/NAME; release, the default, into build
+FLAGS_release  = -O2
+FLAGS_scalar   = -O2 -DRT_NO_SIMD
+FLAGS_asan     = -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
+FLAGS_tsan     = -O1 -g -fsanitize=thread
+FLAGS_valgrind = -O1 -g
+CFLAGS ?= $(FLAGS_$(config))
+B      := build$(if $(filter-out release,$(config)),/$(config))
+
+# 1 where a program with Embree 3 links
+EMBREE  = $(shell printf '\043include <embree3/rtcore.h>\nint main(void) { return !rtcNewDevice(0); }\n' | \
+                  $(CC) -x c - -o /dev/null -lembree3 2>/dev/null && echo 1)
+SUDO   := $(shell test "$$(id -u)" = 0 || command -v sudo)
+
+# $(call need,COMMAND,PACKAGE): installs Debian's package where the command is missing, or says what to install
+need = @command -v $(1) >/dev/null || $(SUDO) apt-get install -y -q $(2) >/dev/null 2>&1 || \
+        { $(SUDO) apt-get update -q >/dev/null 2>&1; $(SUDO) apt-get install -y -q $(2) >/dev/null 2>&1; } || \
+        { echo "make: $(1) is missing and cannot be installed from here: install the package $(2)"; exit 1; }
+
+all: $(B)/render $(B)/hello $(B)/bench $(B)/rt_test
+
+COMPILE = $(CC) -std=c99 $(WARN) $(CFLAGS) -I. -MMD -MP -MF $@.d -o $@ $<
+$(B)/%: examples/%.c | $(B)
+	$(COMPILE) $(LIBS)
+$(B)/%: tests/%.c | $(B)
+	$(COMPILE) $(LIBS)
+$(B)/bench: tests/bench.c | $(B)
+	$(COMPILE) $(if $(EMBREE),-DRT_BENCH_EMBREE -lembree3) $(LIBS)
+$(B) out:
+	@mkdir -p $@
+-include $(wildcard $(B)/*.d)
+
+demo: $(B)/render $(B)/hello | out
+	$(B)/hello
+	$(B)/render cornell         -o out/cornell.ppm --size 720x720  --spp 16
+	$(B)/render balls:5         -o out/balls.ppm   --size 960x720  --spp 9
+	$(B)/render rings:3         -o out/rings.ppm   --size 720x720  --spp 9
+	$(B)/render tetra:8         -o out/tetra.ppm   --size 720x720  --spp 9
+	$(B)/render terrain:2000000 -o out/terrain.ppm --size 1200x675 --spp 9
+	$(B)/render cloud:100000    -o out/cloud.ppm   --size 960x720  --spp 9
+	$(B)/render sphere:20000    -o out/sphere.ppm  --size 720x720  --spp 9
+
+test: all
+	$(B)/rt_test
+
+bench: $(B)/bench
+	$(B)/bench $(BENCH)
+
+# Sanitizers see every test; valgrind, 30 times slower, those that matter for memory; the thread sanitizer those with threads.
+VALGRIND_TESTS = random spheres mixed instances ugly.degenerate rays refit build.bad build.layouts build.quality memory options stats shading loader
+THREAD_TESTS   = threads build.parallel shading.render
+check:
+	$(call need,valgrind,valgrind)
+	$(MAKE) config=asan build/asan/rt_test build/asan/render
+	build/asan/rt_test
+	$(MAKE) config=tsan build/tsan/rt_test build/tsan/render
+	build/tsan/rt_test $(THREAD_TESTS)
+	build/tsan/render balls:2 -o build/tsan/balls.ppm --size 160x120 --threads 4
+	$(MAKE) config=valgrind build/valgrind/rt_test build/valgrind/hello
+	valgrind -q --error-exitcode=1 --leak-check=full build/valgrind/hello >/dev/null
+	valgrind -q --error-exitcode=1 --leak-check=full build/valgrind/rt_test $(VALGRIND_TESTS)
+
+matrix:
+	$(call need,clang,clang)
+	sh tests/matrix.sh
+
+clean:
+	rm -rf build out
+
+help:
+	@echo "make            build everything into build/"
+	@echo "make demo       render the demo scenes to out/*.ppm"
+	@echo "make test       all tests"
+	@echo "make bench      speed table, with Embree where libembree-dev is installed; BENCH='--help' tells the options"
+	@echo "make check      tests under the address, undefined and thread sanitizers and valgrind"
+	@echo "make matrix     compilers x standards x flags x opt-outs: warnings, sizes, equal hits"
+	@echo "make clean      remove build/ and out/"
+
+.PHONY: all demo test bench check matrix clean help

@@ -1,0 +1,572 @@
+/* render.c - renders a scene to a PPM picture: the main program of rt.h.    render --help tells all.
+   cc -O2 render.c -o render -lm -lpthread
+
+   >>options  >>output  >>progress  >>frame  >>summary  >>main                          SPDX-License-Identifier: MIT OR Unlicense */
+
+#define _POSIX_C_SOURCE 200809L
+#define RT_IMPLEMENTATION
+#include "../rt.h"
+#include "pool.h"
+#include "scene.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <limits.h>
+#include <math.h>
+#include <pthread.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <time.h>
+#include <unistd.h>
+
+#define MAX_SIDE    65536                   /* the greatest width and height of a picture, and how many pixels it may have: */
+#define MAX_PIXELS  100000000               /* 1.2 GB while it is rendered */
+#define MAX_SPP     65536
+#define MAX_THREADS 1024
+#define TILE        32                      /* pixels a side: some hundred tiles a picture, each a millisecond or more of work */
+
+/* Says what is wrong, in one line; false, so that a caller can return it. */
+static bool fail(const char *format, ...) {
+    va_list arguments;
+
+    fputs("render: ", stderr);
+    va_start(arguments, format);
+    vfprintf(stderr, format, arguments);
+    va_end(arguments);
+    fputc('\n', stderr);
+    return false;
+}
+
+static const char *reason(rt_status status, const rt_error *error) { return error->message[0] ? error->message : rt_status_string(status); }
+
+static double seconds_now(void) {
+    struct timespec now;
+
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + (double)now.tv_nsec * 1e-9;
+}
+
+/* ---- >>options ------------------------------------------------------------------------------------------------------ */
+
+typedef struct { bool given; rt_vec3 value; } point;
+
+typedef struct {
+    const char *scene_name, *output;
+    int width, height, spp, threads;        /* threads 0: all processors */
+    rt_structure structure;                 /* RT_STRUCTURE_COUNT until it is known */
+    const rt_algorithm_info *algorithm;
+    int packet;                             /* 0: the algorithm's default */
+    rt_cull cull;
+    point eye, look, up, light;
+    float fov;                              /* 0: the scene's */
+    bool quiet, help;
+} options;
+
+#define NAME_OF(name, text) text,
+static const char *const structure_names[] = { RT_STRUCTURE_LIST(NAME_OF) };
+static const char *const cull_names[] = { RT_CULL_LIST(NAME_OF) };
+
+/* The place of text among names, or count. */
+static int find_name(const char *text, const char *const *names, int count) {
+    int i = 0;
+
+    while (i < count && strcmp(text, names[i]) != 0) i++;
+    return i;
+}
+
+/* An integer from low to high that ends at the character end. */
+static bool read_int(const char *text, char end, int low, int high, int *value, const char **rest) {
+    char *stop;
+    long number;
+
+    errno = 0;
+    number = strtol(text, &stop, 10);
+    if (stop == text || *stop != end || errno != 0 || number < low || number > high) return false;
+    *value = (int)number;
+    if (rest) *rest = stop + 1;
+    return true;
+}
+
+static bool read_float(const char *text, char end, float *value, const char **rest) {
+    char *stop;
+
+    *value = strtof(text, &stop);
+    if (stop == text || *stop != end || !(fabsf(*value) <= RT_MAX_COORDINATE)) return false;
+    if (rest) *rest = stop + 1;
+    return true;
+}
+
+static bool read_point(const char *text, point *out) {
+    out->given = true;
+    return read_float(text, ',', &out->value.x, &text) && read_float(text, ',', &out->value.y, &text) &&
+           read_float(text, '\0', &out->value.z, NULL);
+}
+
+static bool set_output(options *o, const char *text)  { o->output = text; return text[0] != '\0'; }
+static bool set_spp(options *o, const char *text)     { return read_int(text, '\0', 1, MAX_SPP, &o->spp, NULL); }
+static bool set_packet(options *o, const char *text)  { return read_int(text, '\0', 0, INT_MAX, &o->packet, NULL); }
+static bool set_threads(options *o, const char *text) { return read_int(text, '\0', 1, MAX_THREADS, &o->threads, NULL); }
+static bool set_eye(options *o, const char *text)     { return read_point(text, &o->eye); }
+static bool set_look(options *o, const char *text)    { return read_point(text, &o->look); }
+static bool set_up(options *o, const char *text)      { return read_point(text, &o->up); }
+static bool set_light(options *o, const char *text)   { return read_point(text, &o->light); }
+static bool set_quiet(options *o, const char *text)   { (void)text; o->quiet = true; return true; }
+static bool set_help(options *o, const char *text)    { (void)text; o->help = true; return true; }
+
+static bool set_fov(options *o, const char *text) {
+    return read_float(text, '\0', &o->fov, NULL) && o->fov >= 0.1f && o->fov <= 179;
+}
+
+static bool set_size(options *o, const char *text) {
+    return read_int(text, 'x', 1, MAX_SIDE, &o->width, &text) && read_int(text, '\0', 1, MAX_SIDE, &o->height, NULL) &&
+           (long long)o->width * o->height <= MAX_PIXELS;
+}
+
+static bool set_structure(options *o, const char *text) {
+    o->structure = (rt_structure)find_name(text, structure_names, RT_STRUCTURE_COUNT);
+    return o->structure != RT_STRUCTURE_COUNT;
+}
+
+static bool set_cull(options *o, const char *text) {
+    o->cull = (rt_cull)find_name(text, cull_names, RT_CULL_COUNT);
+    return o->cull != RT_CULL_COUNT;
+}
+
+static bool set_algorithm(options *o, const char *text) {
+    size_t i = 0;
+
+    while ((o->algorithm = rt_algorithm_get(i)) != NULL && strcmp(text, o->algorithm->name) != 0) i++;
+    return o->algorithm != NULL;
+}
+
+#define LISTED(name, text) " " text
+#define TEXT_(number) #number
+#define TEXT(number) TEXT_(number)
+
+/* Parsing, --help and the messages about bad values all come from this table. */
+static const struct {
+    const char *name, *value;               /* value NULL: takes none */
+    bool (*set)(options *, const char *);
+    const char *help, *range;
+} option_table[] = {
+    { "-o",          "FILE.ppm", set_output,    "the picture (default out.ppm)",                     "a file name" },
+    { "--size",      "WxH",      set_size,      "pixels (default 800x600)",
+      "WxH, each 1 to " TEXT(MAX_SIDE) ", at most " TEXT(MAX_PIXELS) " pixels together" },
+    { "--spp",       "N",        set_spp,       "samples a pixel (default 4)",                       "1 to " TEXT(MAX_SPP) },
+    { "--structure", "NAME",     set_structure, "what to build (default: what the algorithm takes)", "one of:" RT_STRUCTURE_LIST(LISTED) },
+    { "--algorithm", "NAME",     set_algorithm, "how to trace (default auto)",                       "an algorithm's name: see --help" },
+    { "--packet",    "N",        set_packet,    "packet width (default 0: the algorithm's own)",     "0 or a width, see --help" },
+    { "--cull",      "NAME",     set_cull,      "frustum culling of packets (default none)",         "one of:" RT_CULL_LIST(LISTED) },
+    { "--threads",   "N",        set_threads,   "worker threads (default: all processors)",          "1 to " TEXT(MAX_THREADS) },
+    { "--eye",       "X,Y,Z",    set_eye,       "where the camera stands (default: the scene's)",    "three numbers: X,Y,Z" },
+    { "--look",      "X,Y,Z",    set_look,      "the point that it looks at",                        "three numbers: X,Y,Z" },
+    { "--up",        "X,Y,Z",    set_up,        "the direction that is up in the picture",           "three numbers: X,Y,Z" },
+    { "--fov",       "DEGREES",  set_fov,       "the picture's vertical angle",                      "0.1 to 179 degrees" },
+    { "--light",     "X,Y,Z",    set_light,     "one white light there instead of the scene's",      "three numbers: X,Y,Z" },
+    { "--quiet",     NULL,       set_quiet,     "print nothing but errors",                          NULL },
+    { "--help",      NULL,       set_help,      "print this text",                                   NULL },
+};
+#define OPTION_COUNT (sizeof option_table / sizeof option_table[0])
+
+/* Command line names that are taken, for what is still to come. */
+static const char *const unbuilt_options[] = { "--depth", "--sampler", "--time", "--error", "--report", "--gpu" };
+#define UNBUILT_COUNT (sizeof unbuilt_options / sizeof unbuilt_options[0])
+
+/* Is argument "name" or "name=..."? */
+static bool names_option(const char *argument, const char *name) {
+    size_t length = strlen(name);
+
+    return strncmp(argument, name, length) == 0 && (argument[length] == '\0' || argument[length] == '=');
+}
+
+static bool parse_options(options *o, int argc, char **argv) {
+    int i;
+
+    for (i = 1; i < argc; i++) {
+        const char *argument = argv[i], *value;
+        size_t row = 0, unbuilt = 0;
+
+        if (argument[0] != '-') {
+            if (o->scene_name) return fail("two scenes given, '%s' and '%s'; one picture at a time", o->scene_name, argument);
+            o->scene_name = argument;
+            continue;
+        }
+        while (unbuilt < UNBUILT_COUNT && !names_option(argument, unbuilt_options[unbuilt])) unbuilt++;
+        if (unbuilt < UNBUILT_COUNT) return fail("%s is not built yet", unbuilt_options[unbuilt]);
+        while (row < OPTION_COUNT && !names_option(argument, option_table[row].name)) row++;
+        if (row == OPTION_COUNT) return fail("unknown option '%s'; see --help", argument);
+        value = strchr(argument, '=');
+        if (value) value++;
+        if (option_table[row].value == NULL) {
+            if (value) return fail("%s takes no value", option_table[row].name);
+        } else if (value == NULL) {
+            if (++i == argc) return fail("%s needs a value: %s", option_table[row].name, option_table[row].range);
+            value = argv[i];
+        }
+        if (!option_table[row].set(o, value)) return fail("%s '%s': must be %s", option_table[row].name, value, option_table[row].range);
+    }
+    return o->help || o->scene_name || fail("no scene given; see --help");
+}
+
+static void print_help(void) {
+    const rt_algorithm_info *info;
+    size_t i;
+
+    printf("usage: render SCENE [options]\n\n"
+           "Renders SCENE to a PPM picture. SCENE is a file (.obj, .nff) or a procedural scene:\n\n%s\n"
+           "options (--name value or --name=value):\n",
+           scene_procedural_list());
+    for (i = 0; i < OPTION_COUNT; i++) {
+        char left[32];
+        snprintf(left, sizeof left, "%s %s", option_table[i].name, option_table[i].value ? option_table[i].value : "");
+        printf("  %-18s %s\n", left, option_table[i].help);
+    }
+    printf("\nalgorithms, and the structure and the packet widths that each takes:\n");
+    for (i = 0; (info = rt_algorithm_get(i)) != NULL; i++) {
+        int widths[16], count = (int)rt_packet_widths(info->algorithm, widths, 16), k;
+        printf("  %-18s %-9s %s", info->name, info->structure < RT_STRUCTURE_COUNT ? structure_names[info->structure] : "any", info->what);
+        for (k = 0; k < count && k < 16; k++) printf("%s%d", k ? ", " : ": ", widths[k]);
+        puts(info->built ? "" : " - not built yet");
+    }
+    printf("\nculling:" RT_CULL_LIST(LISTED) "\n");
+}
+
+/* Completes the structure, and asks the library with an empty scene whether it can do what is wanted: before time goes into loading. */
+static bool check_tracing(options *o, rt_trace_options *trace) {
+    rt_structure wanted = o->algorithm->structure;
+    rt_geometry nothing = {0};
+    rt_build_options build = {0};
+    rt_error error = {0};
+    rt_accel *accel;
+    rt_ray ray = {0};
+    rt_hit hit;
+    rt_status status;
+
+    if (o->structure == RT_STRUCTURE_COUNT) o->structure = wanted == RT_STRUCTURE_COUNT ? RT_BVH : wanted;
+    trace->algorithm = o->algorithm->algorithm;
+    trace->packet_width = o->packet;
+    trace->cull = o->cull;
+    build.structure = o->structure;
+    build.error = trace->error = &error;
+    status = rt_build(&accel, &nothing, &build);
+    if (status == RT_OK) status = rt_trace(accel, trace, &ray, 0, &hit);
+    rt_free(accel);
+    trace->error = NULL;
+    return status == RT_OK || fail("%s", reason(status, &error));
+}
+
+/* ---- >>output ------------------------------------------------------------------------------------------------------- */
+
+/* Keeps the signals that end a program waiting while a temporary file exists, so that none is left behind. */
+static void hold_signals(int how) {
+    sigset_t set;
+
+    sigemptyset(&set);
+    sigaddset(&set, SIGINT);
+    sigaddset(&set, SIGTERM);
+    sigaddset(&set, SIGHUP);
+    sigprocmask(how, &set, NULL);
+}
+
+/* Finds out before the work whether the picture can be written afterwards: by writing an empty file beside it. */
+static bool check_output(const char *path, const char *scene_name) {
+    struct stat status;
+    char temporary[4096];
+    int file;
+
+    if (strcmp(path, scene_name) == 0) return fail("%s: is the scene; choose another -o", path);
+    if (stat(path, &status) == 0) {
+        if (S_ISDIR(status.st_mode)) return fail("%s: is a folder", path);
+        if (!S_ISREG(status.st_mode)) return fail("%s: is not an ordinary file", path);
+        if (access(path, W_OK) != 0) return fail("%s: %s", path, strerror(errno));
+    }
+    if (snprintf(temporary, sizeof temporary, "%s.try.%ld", path, (long)getpid()) >= (int)sizeof temporary)
+        return fail("%s: %s", path, strerror(ENAMETOOLONG));
+    hold_signals(SIG_BLOCK);
+    file = open(temporary, O_WRONLY | O_CREAT | O_EXCL, 0666);
+    if (file < 0) fail("%s: %s", path, strerror(errno));
+    else { close(file); unlink(temporary); }
+    hold_signals(SIG_UNBLOCK);
+    return file >= 0;
+}
+
+/* For one thread only: signals are held in the thread that calls. */
+static bool write_picture(const options *o, const rt_vec3 *pixels) {
+    char message[256] = "";
+    bool written;
+
+    hold_signals(SIG_BLOCK);
+    written = scene_write_ppm(o->output, pixels, o->width, o->height, message, sizeof message);
+    hold_signals(SIG_UNBLOCK);
+    return written || fail("%s", message);
+}
+
+/* ---- >>progress ----------------------------------------------------------------------------------------------------- */
+
+#define BAR_WIDTH 30
+
+typedef struct {
+    bool shown;                             /* a person looks at stderr */
+    double next;                            /* seconds after the start when it is drawn again */
+} progress;
+
+/* Replaces the line that is on the screen; "" clears it. */
+static void progress_line(const progress *bar, const char *format, ...) {
+    va_list arguments;
+
+    if (!bar->shown) return;
+    fputc('\r', stderr);
+    va_start(arguments, format);
+    vfprintf(stderr, format, arguments);
+    va_end(arguments);
+    fputs("\033[K", stderr);                /* erases what a longer line left on the right */
+}
+
+/* part: how much of the work is done, in (0, 1]. */
+static void progress_draw(progress *bar, double elapsed, double part, uint64_t rays) {
+    int full = (int)(part * BAR_WIDTH);
+    long left = (long)(elapsed * (1 - part) / part);
+
+    if (elapsed < bar->next) return;
+    bar->next = elapsed + 0.1;
+    progress_line(bar, "%3d%% [%.*s%*s] %.2f Mrays/s, %ld:%02ld left", (int)(part * 100), full, "##############################",
+                  BAR_WIDTH - full, "", (double)rays / elapsed * 1e-6, left / 60, left % 60);
+}
+
+/* ---- >>frame -------------------------------------------------------------------------------------------------------- */
+
+typedef struct {
+    const rt_scene *scene;
+    rt_render_options how;
+    rt_vec3 *pixels;
+    size_t columns, tiles;
+    double start;
+    pthread_mutex_t lock;                   /* of all that follows */
+    size_t done;
+    rt_ray_counts rays;
+    rt_status status;                       /* the first failure of a tile */
+    rt_error error;
+    progress *bar;
+} frame;
+
+static void render_one_tile(void *context, size_t index) {
+    frame *f = context;
+    rt_render_options how = f->how;
+    rt_ray_counts rays = {0};
+    rt_error error = {0};
+    rt_status status;
+    int x = (int)(index % f->columns) * TILE, y = (int)(index / f->columns) * TILE;
+    int right = x + TILE < how.width ? x + TILE : how.width, bottom = y + TILE < how.height ? y + TILE : how.height;
+
+    how.trace.error = &error;
+    status = rt_render_tile(f->scene, &how, x, y, right, bottom, f->pixels, &rays);
+    pthread_mutex_lock(&f->lock);
+    if (f->status == RT_OK && status != RT_OK) {
+        f->status = status;
+        f->error = error;
+    }
+    f->rays.primary += rays.primary;
+    f->rays.shadow += rays.shadow;
+    f->done++;
+    progress_draw(f->bar, seconds_now() - f->start, (double)f->done / (double)f->tiles, f->rays.primary + f->rays.shadow);
+    pthread_mutex_unlock(&f->lock);
+}
+
+static rt_status render_frame(frame *f, pool *workers) {
+    f->columns = (size_t)(f->how.width + TILE - 1) / TILE;
+    f->tiles = f->columns * ((size_t)(f->how.height + TILE - 1) / TILE);
+    f->start = seconds_now();
+    pthread_mutex_init(&f->lock, NULL);
+    pool_for(workers, f->tiles, render_one_tile, f);
+    pthread_mutex_destroy(&f->lock);
+    return f->status;
+}
+
+/* Puts the options' camera and light in the place of the scene's; default lights follow the camera. */
+static bool aim(const options *o, const scene *loaded, rt_scene *view, rt_light lights[2]) {
+    rt_camera *camera = &view->camera;
+    double x, y, z;                         /* the view, in double so that products of tiny components do not vanish */
+
+    if (o->eye.given)  camera->eye = o->eye.value;
+    if (o->look.given) camera->look = o->look.value;
+    if (o->up.given)   camera->up = o->up.value;
+    if (o->fov > 0)    camera->fov = o->fov;
+    x = (double)camera->look.x - (double)camera->eye.x;
+    y = (double)camera->look.y - (double)camera->eye.y;
+    z = (double)camera->look.z - (double)camera->eye.z;
+    if (x == 0 && y == 0 && z == 0) return fail("the camera stands at the point that it looks at: choose --eye or --look");
+    if (y * (double)camera->up.z == z * (double)camera->up.y && z * (double)camera->up.x == x * (double)camera->up.z &&
+        x * (double)camera->up.y == y * (double)camera->up.x)
+        return fail("the camera looks along its up direction: choose --up");
+    if (o->light.given) {
+        lights[0].position = o->light.value;
+        lights[0].color.x = lights[0].color.y = lights[0].color.z = 1;
+        view->lights = lights;
+        view->light_count = 1;
+    } else if (!loaded->has_lights) {
+        scene_default_lights(camera, lights);
+        view->lights = lights;
+        view->light_count = 2;
+    }
+    return true;
+}
+
+/* ---- >>summary ------------------------------------------------------------------------------------------------------ */
+
+typedef struct { char text[32]; } label;
+
+/* 1234567 as "1,234,567". */
+static const char *grouped(uint64_t value, label *out) {
+    char *at = out->text + sizeof out->text - 1;
+    int digits = 0;
+
+    *at = '\0';
+    do {
+        if (digits && digits % 3 == 0) *--at = ',';
+        *--at = (char)('0' + value % 10);
+        value /= 10;
+        digits++;
+    } while (value);
+    return at;
+}
+
+static const char *byte_size(size_t bytes, label *out) {
+    static const char *const units[] = { "bytes", "KiB", "MiB", "GiB", "TiB" };
+    double value = (double)bytes;
+    int unit = 0;
+
+    while (value >= 1024 && unit < 4) {
+        value /= 1024;
+        unit++;
+    }
+    snprintf(out->text, sizeof out->text, "%.*f %s", unit ? 1 : 0, value, units[unit]);
+    return out->text;
+}
+
+static void print_summary(const options *o, const scene *loaded, const rt_info *tree, const frame *f, int threads, double load_seconds,
+                          double build_seconds, double render_seconds) {
+    size_t primitives = tree->triangles + tree->spheres;
+    uint64_t rays = f->rays.primary + f->rays.shadow;
+    label a, b, c;
+
+    printf("scene     %s, loaded in %.3f s", o->scene_name, load_seconds);
+    if (loaded->bytes_read) printf(" (%s)", byte_size(loaded->bytes_read, &a));
+    printf("\nshapes    %s, as %s triangles and %s spheres\n", grouped(loaded->shapes, &a), grouped(tree->triangles, &b),
+           grouped(tree->spheres, &c));
+    printf("tree      %s, built in %.3f s: %s nodes, depth %d\n", structure_names[tree->structure], build_seconds,
+           grouped(tree->nodes, &a), tree->depth);
+    printf("memory    %s", byte_size(tree->bytes, &a));
+    if (primitives) printf(", %.1f bytes a primitive", (double)tree->bytes / (double)primitives);
+    printf("\nrays      %s: %s primary, %s shadow\n", grouped(rays, &a), grouped(f->rays.primary, &b), grouped(f->rays.shadow, &c));
+    printf("speed     %.2f Mrays/s: %.3f s with %s on %d thread%s\n", (double)rays / render_seconds * 1e-6, render_seconds,
+           o->algorithm->name, threads, threads == 1 ? "" : "s");
+    printf("picture   %s, %dx%d, %d sample%s a pixel\n", o->output, o->width, o->height, o->spp, o->spp == 1 ? "" : "s");
+}
+
+/* ---- >>main --------------------------------------------------------------------------------------------------------- */
+
+static bool load(const options *o, const progress *bar, scene *out) {
+    scene_error error = {0};
+    bool loaded;
+
+    progress_line(bar, "loading ...");
+    loaded = scene_load(out, o->scene_name, NULL, NULL, &error);
+    progress_line(bar, "");
+    if (!loaded) {
+        if (error.errors > 1) return fail("%s (and %zu more)", error.message, error.errors - 1);
+        return fail("%s", error.message);
+    }
+    if (out->warnings && !o->quiet) {
+        fprintf(stderr, "render: warning: %s", out->warning);
+        if (out->warnings > 1) fprintf(stderr, " (and %zu more)", out->warnings - 1);
+        fputc('\n', stderr);
+    }
+    return true;
+}
+
+/* All from the options to the written picture. */
+static bool render(options *o) {
+    progress bar = {0};
+    scene loaded = {0};
+    pool *workers = NULL;
+    rt_accel *accel = NULL;
+    rt_build_options build = {0};
+    rt_error error = {0};
+    rt_scene view;
+    rt_light lights[2];
+    rt_info tree;
+    frame f = {0};
+    rt_status status;
+    int threads;
+    double start, load_seconds, build_seconds, render_seconds;
+    bool done = false;
+
+    if (!check_tracing(o, &f.how.trace) || !check_output(o->output, o->scene_name)) return false;
+    bar.shown = !o->quiet && isatty(STDERR_FILENO);
+    bar.next = 0.1;
+    start = seconds_now();
+    if (!load(o, &bar, &loaded)) goto cleanup;
+    load_seconds = seconds_now() - start;
+
+    f.pixels = calloc((size_t)o->width * (size_t)o->height, sizeof *f.pixels);
+    if (!f.pixels) { fail("out of memory for a picture of %dx%d", o->width, o->height); goto cleanup; }
+    workers = pool_create(o->threads);
+    if (!workers) { fail("cannot start the threads: choose a smaller --threads"); goto cleanup; }
+    threads = pool_threads(workers);
+
+    progress_line(&bar, "building ...");
+    build.structure = o->structure;
+    build.parallel_for = pool_for;
+    build.parallel_user = workers;
+    build.error = &error;
+    start = seconds_now();
+    status = rt_build(&accel, &loaded.geometry, &build);
+    build_seconds = seconds_now() - start;
+    progress_line(&bar, "");
+    if (status != RT_OK) { fail("%s: %s", o->scene_name, reason(status, &error)); goto cleanup; }
+    rt_get_info(accel, &tree);
+
+    view = scene_view(&loaded, accel);
+    if (!aim(o, &loaded, &view, lights)) goto cleanup;
+    f.scene = &view;
+    f.how.width = o->width;
+    f.how.height = o->height;
+    f.how.spp = o->spp;
+    f.bar = &bar;
+    status = render_frame(&f, workers);
+    render_seconds = seconds_now() - f.start;
+    progress_line(&bar, "");
+    if (status != RT_OK) { fail("%s: %s", o->scene_name, reason(status, &f.error)); goto cleanup; }
+
+    pool_destroy(workers);                  /* leaves one thread, as write_picture wants */
+    workers = NULL;
+    if (!write_picture(o, f.pixels)) goto cleanup;
+    if (!o->quiet) print_summary(o, &loaded, &tree, &f, threads, load_seconds, build_seconds, render_seconds);
+    done = true;
+cleanup:
+    rt_free(accel);
+    if (workers) pool_destroy(workers);
+    free(f.pixels);
+    scene_free(&loaded);
+    return done;
+}
+
+int main(int argc, char **argv) {
+    options o = {0};
+
+    o.output = "out.ppm";
+    o.width = 800;
+    o.height = 600;
+    o.spp = 4;
+    o.structure = RT_STRUCTURE_COUNT;
+    o.algorithm = rt_algorithm_get(0);
+    if (!parse_options(&o, argc, argv)) return EXIT_FAILURE;
+    if (o.help) print_help();
+    else if (!render(&o)) return EXIT_FAILURE;
+    if (fflush(stdout) != 0) { fail("standard output: %s", strerror(errno)); return EXIT_FAILURE; }
+    return EXIT_SUCCESS;
+}

@@ -1,0 +1,965 @@
+/* bench.c - speed of every algorithm on every kind of ray, with Embree beside them.    SPDX-License-Identifier: MIT OR Unlicense
+
+   How the numbers are made
+     rays       One array for each scene and kind, made once, given to every algorithm in the same order. Primary rays of a pinhole, in
+                tiles of 16 x 16 pixels in Z order, so that 4, 8 and 256 rays that follow each other are blocks of 2 x 2, 4 x 2 and
+                16 x 16 pixels. Secondary rays keep the order of their primary rays; a primary ray that misses has none.
+     time       Rounds A B C ... A B C ..., the first of which only warms up; the number is the median of the others. One measurement
+                traces the whole array as often as it takes to fill MEASURE_SECONDS.
+     counts     From a pass of its own, so that counting is not timed.
+     checks     Every hit of every algorithm is compared with those of rt_trace's defaults, bit for bit: a difference is an error.
+                Embree's hits are compared for information; it rounds differently.
+     peers      Embree gets its own layout of the same rays, filled outside the timing, as ours are. It runs with the processor's
+                rounding and denormals as every program finds them. */
+
+#define _POSIX_C_SOURCE 200809L
+
+#define RT_IMPLEMENTATION
+#include "../rt.h"
+#include "../examples/pool.h"
+#include "../examples/scene.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#ifdef RT_BENCH_EMBREE
+#include <embree3/rtcore.h>
+#endif
+
+#define MEASURE_SECONDS 0.1                 /* the least work that one measurement times */
+#define CHUNK 4096u                         /* rays a thread takes at once: a multiple of every packet size */
+#define RAY_EPSILON 1e-4f                   /* secondary rays start and end this far, in units of their length, off what they join */
+#define MAX_ROUNDS 1000
+#define MAX_IMAGE 16384
+#define MAX_WIDTHS 16
+
+static const char *const default_scenes[] = { "cornell", "balls:3", "sphere:100000", "terrain:200000", "cloud:100000" };
+
+/* ---- >>vectors ------------------------------------------------------------------------------------------------------ */
+
+static rt_vec3 vec(float x, float y, float z) {
+    rt_vec3 v;
+    v.x = x, v.y = y, v.z = z;
+    return v;
+}
+
+static float dot(rt_vec3 a, rt_vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+static float length(rt_vec3 a) { return sqrtf(dot(a, a)); }
+static rt_vec3 sub(rt_vec3 a, rt_vec3 b) { return vec(a.x - b.x, a.y - b.y, a.z - b.z); }
+static rt_vec3 add_scaled(rt_vec3 a, rt_vec3 b, float s) { return vec(a.x + b.x * s, a.y + b.y * s, a.z + b.z * s); }
+static rt_vec3 cross(rt_vec3 a, rt_vec3 b) { return vec(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x); }
+static rt_vec3 unit(rt_vec3 a) { return add_scaled(vec(0, 0, 0), a, 1 / length(a)); }
+
+/* ---- >>rays --------------------------------------------------------------------------------------------------------- */
+
+typedef enum { PRIMARY, SHADOW, REFLECT, DIFFUSE, KIND_COUNT } ray_kind;
+static const char *const kind_names[KIND_COUNT] = { "primary", "shadow", "reflect", "diffuse" };
+
+typedef struct {
+    ray_kind kind;
+    rt_query query;
+    const rt_ray *rays;
+    size_t count;
+    const rt_hit *truth;                    /* what every algorithm must find */
+    rt_hit *hits;                           /* what the one that ran last has found */
+    uint32_t *packets;                      /* the rays in a peer's layout, and its answers */
+} batch;
+
+/* Bits 0, 2, 4 and 6 of i, put together: x of the i-th cell along a Z curve over 16 x 16 cells; of i / 2: y. */
+static int even_bits(unsigned i) {
+    return (int)((i & 1) | (i >> 1 & 2) | (i >> 2 & 4) | (i >> 3 & 8));
+}
+
+/* One ray through the middle of each pixel; rays has room for width * height. */
+static void make_primary(const rt_camera *camera, int width, int height, rt_ray *rays) {
+    int tile_x, tile_y;
+    size_t count = 0;
+    unsigned i;
+
+    for (tile_y = 0; tile_y < height; tile_y += 16)
+        for (tile_x = 0; tile_x < width; tile_x += 16)
+            for (i = 0; i < 256; i++) {
+                int x = tile_x + even_bits(i), y = tile_y + even_bits(i >> 1);
+                if (x < width && y < height)
+                    rays[count++] = rt_camera_ray(camera, (float)x + 0.5f, (float)y + 0.5f, width, height);
+            }
+}
+
+/* A number in [0,1) for each n, always the same: the finaliser of MurmurHash3. */
+static float hashed(uint32_t n) {
+    n = (n ^ n >> 16) * 0x85ebca6bu;
+    n = (n ^ n >> 13) * 0xc2b2ae35u;
+    n ^= n >> 16;
+    return (float)(n >> 8) * (1.0f / 16777216.0f);
+}
+
+static uint32_t vertex_index(const rt_geometry *geometry, size_t corner) {
+    return geometry->indices ? geometry->indices[corner] : (uint32_t)corner;
+}
+
+static rt_vec3 vertex_at(const rt_geometry *geometry, size_t index) {
+    rt_vec3 v;
+    size_t stride = geometry->vertex_stride ? geometry->vertex_stride : sizeof v;
+    memcpy(&v, (const char *)geometry->vertices + stride * index, sizeof v);
+    return v;
+}
+
+/* The surface's true normal at a hit, of unit length, towards where the ray came from. */
+static rt_vec3 facing_normal(const rt_geometry *geometry, const rt_hit *hit, rt_vec3 point, rt_vec3 dir) {
+    rt_vec3 n, corner[3];
+    size_t i;
+
+    if (hit->prim < geometry->triangle_count) {
+        for (i = 0; i < 3; i++) corner[i] = vertex_at(geometry, vertex_index(geometry, 3 * (size_t)hit->prim + i));
+        n = unit(cross(sub(corner[1], corner[0]), sub(corner[2], corner[0])));
+    } else {
+        n = unit(sub(point, geometry->spheres[hit->prim - geometry->triangle_count].center));
+    }
+    return dot(n, dir) > 0 ? vec(-n.x, -n.y, -n.z) : n;
+}
+
+/* Cosine-weighted direction about n: a point of the unit sphere, shifted by n. */
+static rt_vec3 diffuse_direction(rt_vec3 n, uint32_t seed) {
+    float z = 1 - 2 * hashed(2 * seed), r = sqrtf(1 - z * z), phi = 6.2831853f * hashed(2 * seed + 1);
+    rt_vec3 d = add_scaled(n, vec(r * cosf(phi), r * sinf(phi), z), 0.999f);    /* less than 1: never the zero vector */
+    return unit(d);
+}
+
+/* Rays of one secondary kind from where the primary rays hit; returns how many. rays has room for count. */
+static size_t make_secondary(ray_kind kind, const rt_geometry *geometry, rt_vec3 light, const rt_ray *primary, const rt_hit *hits,
+                             size_t count, rt_ray *rays) {
+    size_t i, made = 0;
+
+    for (i = 0; i < count; i++) {
+        rt_ray ray;
+        rt_vec3 n;
+        if (hits[i].prim == RT_NONE) continue;
+        ray.org = add_scaled(primary[i].org, primary[i].dir, hits[i].t);
+        if (kind == SHADOW) {
+            ray.dir = sub(light, ray.org);
+            ray.tmin = RAY_EPSILON;
+            ray.tmax = 1 - RAY_EPSILON;
+        } else {
+            n = facing_normal(geometry, &hits[i], ray.org, primary[i].dir);
+            if (kind == REFLECT) ray.dir = unit(add_scaled(primary[i].dir, n, -2 * dot(n, primary[i].dir)));
+            else ray.dir = diffuse_direction(n, (uint32_t)i);
+            ray.tmin = RAY_EPSILON * hits[i].t * length(primary[i].dir);
+            ray.tmax = INFINITY;
+        }
+        rays[made++] = ray;
+    }
+    return made;
+}
+
+/* ---- >>entries ------------------------------------------------------------------------------------------------------ */
+
+/* One row of the table: an algorithm of ours on a structure, or a mode of a peer. */
+typedef struct entry entry;
+struct entry {
+    const char *name, *structure;
+    int packet;                             /* as asked for; 0 = the algorithm's default */
+    size_t bytes;
+    double build_seconds;
+    bool counted;                           /* stats are known */
+    rt_stats stats;
+    double seconds[MAX_ROUNDS];             /* of one pass over the rays, by round */
+    double median, spread;                  /* spread: (slowest - fastest) / median */
+    size_t other_hits, other_prims;         /* rays whose hit, or only whose primitive, is not that of truth */
+
+    void (*prepare)(const entry *, const batch *);                          /* untimed, before each pass; may be NULL */
+    void (*trace)(const entry *, const batch *, size_t first, size_t last);
+    void (*compare)(entry *, const batch *);
+
+    const rt_accel *accel;                  /* ours */
+    rt_trace_options options;
+#ifdef RT_BENCH_EMBREE
+    RTCScene peer;                          /* Embree's */
+    unsigned triangle_count;
+#endif
+};
+
+static void our_trace(const entry *e, const batch *b, size_t first, size_t last) {
+    rt_trace(e->accel, &e->options, b->rays + first, last - first, b->hits + first);    /* counting pass: its options are allowed */
+}
+
+static void our_compare(entry *e, const batch *b) {
+    size_t i;
+    e->other_hits = 0;
+    for (i = 0; i < b->count; i++) e->other_hits += memcmp(&b->hits[i], &b->truth[i], sizeof(rt_hit)) != 0;
+}
+
+#ifdef RT_BENCH_EMBREE
+
+/* ---- >>embree ------------------------------------------------------------------------------------------------------- */
+
+static const struct {
+    const char *name;
+    int packet;
+    enum RTCSceneFlags flags;
+} embree_modes[] = {
+    { "embree.single",         1, RTC_SCENE_FLAG_NONE },   { "embree.packet4",         4, RTC_SCENE_FLAG_NONE },
+    { "embree.packet8",        8, RTC_SCENE_FLAG_NONE },   { "embree.robust.single",   1, RTC_SCENE_FLAG_ROBUST },
+    { "embree.robust.packet4", 4, RTC_SCENE_FLAG_ROBUST }, { "embree.robust.packet8",  8, RTC_SCENE_FLAG_ROBUST },
+};
+enum { EMBREE_MODES = sizeof embree_modes / sizeof *embree_modes };
+
+/* A packet of n rays is 20 rows of n words, which for n = 1, 4, 8 is RTCRayHit, RTCRayHit4, RTCRayHit8. */
+enum { ROW_ORG = 0, ROW_TNEAR = 3, ROW_DIR = 4, ROW_TIME = 7, ROW_TFAR = 8, ROW_MASK = 9, ROW_ID = 10, ROW_FLAGS = 11,
+       ROW_PRIM = 17, ROW_GEOMETRY = 18, ROW_INSTANCE = 19, ROWS = 20 };
+
+static uint32_t *embree_lane(const entry *e, const batch *b, size_t ray) {
+    size_t width = (size_t)e->packet;
+    return b->packets + ray / width * width * ROWS + ray % width;
+}
+
+/* Room for count rays in packets of any width; NULL: out of memory. */
+static uint32_t *embree_packets(size_t count) {
+    void *out;
+    return posix_memalign(&out, 64, (count + 7) * ROWS * sizeof(uint32_t)) == 0 ? out : NULL;
+}
+
+static uint32_t bits_of(float f) {
+    uint32_t bits;
+    memcpy(&bits, &f, sizeof bits);
+    return bits;
+}
+
+static float float_of(uint32_t bits) {
+    float f;
+    memcpy(&f, &bits, sizeof f);
+    return f;
+}
+
+static void embree_prepare(const entry *e, const batch *b) {
+    size_t i, width = (size_t)e->packet;
+
+    for (i = 0; i < b->count; i++) {
+        const rt_ray *ray = &b->rays[i];
+        const uint32_t row[ROWS] = { bits_of(ray->org.x), bits_of(ray->org.y), bits_of(ray->org.z), bits_of(ray->tmin),
+                                     bits_of(ray->dir.x), bits_of(ray->dir.y), bits_of(ray->dir.z), bits_of(0),
+                                     bits_of(ray->tmax), ~0u, 0, 0, 0, 0, 0, 0, 0, RTC_INVALID_GEOMETRY_ID,
+                                     RTC_INVALID_GEOMETRY_ID, RTC_INVALID_GEOMETRY_ID };
+        uint32_t *lane = embree_lane(e, b, i);
+        size_t k;
+        for (k = 0; k < ROWS; k++) lane[k * width] = row[k];
+    }
+}
+
+static void embree_trace(const entry *e, const batch *b, size_t first, size_t last) {
+    static const int all[8] __attribute__((aligned(32))) = { -1, -1, -1, -1, -1, -1, -1, -1 };
+    int tail[8] __attribute__((aligned(32)));
+    struct RTCIntersectContext context;
+    size_t i, k, width = (size_t)e->packet;
+
+    rtcInitIntersectContext(&context);
+    context.flags = b->kind == DIFFUSE ? RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT : RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+    for (i = first; i < last; i += width) {
+        void *packet = embree_lane(e, b, i);
+        const int *valid = all;
+        if (last - i < width) {
+            for (k = 0; k < width; k++) tail[k] = k < last - i ? -1 : 0;
+            valid = tail;
+        }
+        if (b->query == RT_CLOSEST) {
+            if (width == 1) rtcIntersect1(e->peer, &context, packet);
+            else if (width == 4) rtcIntersect4(valid, e->peer, &context, packet);
+            else rtcIntersect8(valid, e->peer, &context, packet);
+        } else {
+            if (width == 1) rtcOccluded1(e->peer, &context, packet);
+            else if (width == 4) rtcOccluded4(valid, e->peer, &context, packet);
+            else rtcOccluded8(valid, e->peer, &context, packet);
+        }
+    }
+}
+
+static void embree_compare(entry *e, const batch *b) {
+    size_t i, width = (size_t)e->packet;
+
+    e->other_hits = e->other_prims = 0;
+    for (i = 0; i < b->count; i++) {
+        const uint32_t *lane = embree_lane(e, b, i);
+        uint32_t prim = lane[ROW_PRIM * width];
+        float t = float_of(lane[ROW_TFAR * width]);
+        bool hit = b->query == RT_ANY ? t < 0 : lane[ROW_GEOMETRY * width] != RTC_INVALID_GEOMETRY_ID;
+        const rt_hit *truth = &b->truth[i];
+
+        if (lane[ROW_GEOMETRY * width] == 1) prim += e->triangle_count;
+        if (hit != (truth->prim != RT_NONE) || (hit && b->query == RT_CLOSEST && fabsf(t - truth->t) > 1e-4f * truth->t)) e->other_hits++;
+        else if (hit && b->query == RT_CLOSEST && prim != truth->prim) e->other_prims++;
+    }
+}
+
+static bool embree_count_bytes(void *user, ssize_t bytes, bool after) {
+    (void)after;
+    __atomic_fetch_add((size_t *)user, (size_t)bytes, __ATOMIC_RELAXED);
+    return true;
+}
+
+/* Embree's scene of geometry: triangles are geometry 0, spheres 1. The vertices are copied, since Embree reads 16 bytes at each. NULL:
+   Embree has failed. */
+static RTCScene embree_build(RTCDevice device, const rt_geometry *geometry, enum RTCSceneFlags flags) {
+    RTCScene out = rtcNewScene(device);
+    bool filled = true;
+    size_t i;
+
+    rtcSetSceneFlags(out, flags);
+    if (geometry->triangle_count) {
+        RTCGeometry mesh = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
+        rt_vec3 *vertices =
+            rtcSetNewGeometryBuffer(mesh, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof *vertices, geometry->vertex_count);
+        uint32_t *indices =
+            rtcSetNewGeometryBuffer(mesh, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 3 * sizeof *indices, geometry->triangle_count);
+        filled = vertices && indices;
+        for (i = 0; filled && i < geometry->vertex_count; i++) vertices[i] = vertex_at(geometry, i);
+        for (i = 0; filled && i < 3 * geometry->triangle_count; i++) indices[i] = vertex_index(geometry, i);
+        rtcCommitGeometry(mesh);
+        rtcAttachGeometryByID(out, mesh, 0);
+        rtcReleaseGeometry(mesh);
+    }
+    if (geometry->sphere_count) {
+        RTCGeometry balls = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_SPHERE_POINT);
+        rt_sphere *points =
+            rtcSetNewGeometryBuffer(balls, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT4, sizeof *points, geometry->sphere_count);
+        if (points) memcpy(points, geometry->spheres, sizeof *points * geometry->sphere_count);
+        filled = filled && points;
+        rtcCommitGeometry(balls);
+        rtcAttachGeometryByID(out, balls, 1);
+        rtcReleaseGeometry(balls);
+    }
+    rtcCommitScene(out);
+    if (filled && rtcGetDeviceError(device) == RTC_ERROR_NONE) return out;
+    rtcReleaseScene(out);
+    return NULL;
+}
+
+#endif /* RT_BENCH_EMBREE */
+
+/* ---- >>arguments ---------------------------------------------------------------------------------------------------- */
+
+#define TEXT(name, text) text,
+static const char *const structure_names[] = { RT_STRUCTURE_LIST(TEXT) };
+static const char *const cull_names[] = { RT_CULL_LIST(TEXT) };
+static const char *const isa_names[] = { RT_ISA_LIST(TEXT) };
+
+enum { ALL_PACKETS = -1 };
+
+typedef struct {
+    const char **scenes;                    /* owned; the names are argv's */
+    size_t scene_count;
+    const char *rays, *algorithms;          /* comma lists */
+    int structure;                          /* RT_STRUCTURE_COUNT: each */
+    int packet, cull, isa, width, height, threads, rounds;
+    bool json, help;
+    bool has_eye, has_look, has_up, has_fov;
+    rt_camera camera;
+} arguments;
+
+static bool complain(const char *format, ...) __attribute__((format(printf, 1, 2)));
+
+/* One line on stderr; always false, so that a failing function can return it. */
+static bool complain(const char *format, ...) {
+    va_list list;
+    va_start(list, format);
+    fputs("bench: ", stderr);
+    vfprintf(stderr, format, list);
+    fputc('\n', stderr);
+    va_end(list);
+    return false;
+}
+
+/* Is name one of the words of a comma list, or the list "all"? */
+static bool listed(const char *list, const char *name) {
+    size_t n = strlen(name);
+    const char *word = list;
+
+    if (strcmp(list, "all") == 0) return true;
+    for (; word; word = strchr(word, ',') ? strchr(word, ',') + 1 : NULL)
+        if (strncmp(word, name, n) == 0 && (word[n] == ',' || word[n] == '\0')) return true;
+    return false;
+}
+
+/* The index of text in names, or -1. */
+static int find_name(const char *const *names, int count, const char *text) {
+    int i;
+    for (i = 0; i < count; i++)
+        if (strcmp(names[i], text) == 0) return i;
+    return -1;
+}
+
+static bool parse_name(const char *option, const char *value, const char *const *names, int count, int *out) {
+    *out = find_name(names, count, value);
+    return *out >= 0 || complain("%s: there is no '%s' (--help lists the names)", option, value);
+}
+
+static bool parse_int(const char *option, const char *value, int least, int most, int *out) {
+    char *end;
+    long n;
+    errno = 0;
+    n = strtol(value, &end, 10);
+    if (end == value || *end || errno || n < least || n > most)
+        return complain("%s: '%s' is not a whole number from %d to %d", option, value, least, most);
+    *out = (int)n;
+    return true;
+}
+
+static bool parse_floats(const char *option, const char *value, float *out, int count) {
+    const char *at = value;
+    int i;
+
+    for (i = 0; i < count; i++) {
+        char *end;
+        out[i] = strtof(at, &end);
+        if (end == at || !isfinite(out[i]) || *end != (i + 1 < count ? ',' : '\0'))
+            return complain("%s: '%s' is not %s", option, value, count == 1 ? "a number" : "three numbers, X,Y,Z");
+        at = end + 1;
+    }
+    return true;
+}
+
+static bool parse_vec3(const char *option, const char *value, rt_vec3 *out, bool *given) {
+    float f[3];
+    if (!parse_floats(option, value, f, 3)) return false;
+    *out = vec(f[0], f[1], f[2]);
+    return *given = true;
+}
+
+static bool parse_size(const char *option, const char *value, int *width, int *height) {
+    char end;
+    if (sscanf(value, "%5dx%5d%c", width, height, &end) == 2 && *width >= 1 && *width <= MAX_IMAGE && *height >= 1 && *height <= MAX_IMAGE)
+        return true;
+    return complain("%s: '%s' is not WIDTHxHEIGHT, each from 1 to %d", option, value, MAX_IMAGE);
+}
+
+/* Do all words of a comma list name something? word_known tells. */
+static bool check_list(const char *option, const char *list, bool (*word_known)(const char *word)) {
+    char word[64];
+    size_t n;
+
+    for (; list; list = list[n] ? list + n + 1 : NULL) {
+        n = strcspn(list, ",");
+        snprintf(word, sizeof word, "%.*s", n < sizeof word ? (int)n : (int)sizeof word - 1, list);
+        if (!word_known(word)) return complain("%s: there is no '%s' (--help lists the names)", option, word);
+    }
+    return true;
+}
+
+static bool kind_known(const char *word) {
+    return strcmp(word, "all") == 0 || find_name(kind_names, KIND_COUNT, word) >= 0;
+}
+
+/* Algorithms not built yet pass too: rt_trace tells which they are. */
+static bool algorithm_known(const char *word) {
+    const rt_algorithm_info *info;
+    size_t i;
+
+    for (i = 0; (info = rt_algorithm_get(i)) != NULL; i++)
+        if (strcmp(info->name, word) == 0) return true;
+#ifdef RT_BENCH_EMBREE
+    for (i = 0; i < EMBREE_MODES; i++)
+        if (strcmp(embree_modes[i].name, word) == 0) return true;
+#endif
+    return strcmp(word, "all") == 0;
+}
+
+static bool parse_option(arguments *a, const char *option, const char *value) {
+    if (strcmp(option, "--scene") == 0) return a->scenes[a->scene_count++] = value, true;
+    if (strcmp(option, "--rays") == 0) return a->rays = value, check_list(option, value, kind_known);
+    if (strcmp(option, "--algorithm") == 0) return a->algorithms = value, check_list(option, value, algorithm_known);
+    if (strcmp(option, "--structure") == 0) return parse_name(option, value, structure_names, RT_STRUCTURE_COUNT, &a->structure);
+    if (strcmp(option, "--cull") == 0) return parse_name(option, value, cull_names, RT_CULL_COUNT, &a->cull);
+    if (strcmp(option, "--isa") == 0) return parse_name(option, value, isa_names, RT_ISA_COUNT, &a->isa);
+    if (strcmp(option, "--packet") == 0 && strcmp(value, "all") == 0) return a->packet = ALL_PACKETS, true;
+    if (strcmp(option, "--packet") == 0) return parse_int(option, value, 0, 1024, &a->packet);
+    if (strcmp(option, "--size") == 0) return parse_size(option, value, &a->width, &a->height);
+    if (strcmp(option, "--threads") == 0) return parse_int(option, value, 0, 1024, &a->threads);
+    if (strcmp(option, "--repeat") == 0) return parse_int(option, value, 1, MAX_ROUNDS - 1, &a->rounds);
+    if (strcmp(option, "--eye") == 0) return parse_vec3(option, value, &a->camera.eye, &a->has_eye);
+    if (strcmp(option, "--look") == 0) return parse_vec3(option, value, &a->camera.look, &a->has_look);
+    if (strcmp(option, "--up") == 0) return parse_vec3(option, value, &a->camera.up, &a->has_up);
+    if (strcmp(option, "--fov") == 0) {
+        if (!parse_floats(option, value, &a->camera.fov, 1)) return false;
+        if (a->camera.fov <= 0 || a->camera.fov >= 180) return complain("--fov: '%s' is not between 0 and 180 degrees", value);
+        return a->has_fov = true;
+    }
+    return complain("there is no option '%s' (--help lists them)", option);
+}
+
+/* Fills *a; its scenes are to be freed in any case. */
+static bool parse_arguments(arguments *a, int argc, char **argv) {
+    static const arguments defaults = { .rays = "all", .algorithms = "all", .structure = RT_STRUCTURE_COUNT,
+                                        .width = 512, .height = 512, .threads = 1, .rounds = 5 };
+    size_t i;
+    int k;
+
+    *a = defaults;
+    a->scenes = calloc((size_t)argc + sizeof default_scenes / sizeof *default_scenes, sizeof *a->scenes);
+    if (!a->scenes) return complain("out of memory");
+    for (k = 1; k < argc; k++) {
+        const char *option = argv[k];
+        if (strcmp(option, "--help") == 0) return a->help = true;
+        if (strcmp(option, "--gpu") == 0) return complain("--gpu is not built yet");
+        if (strcmp(option, "--json") == 0) {
+            a->json = true;
+            continue;
+        }
+        if (strncmp(option, "--", 2) != 0) return complain("'%s' is no option; scenes are given with --scene", option);
+        if (k + 1 == argc) return complain("%s needs a value, or is no option (--help lists them)", option);
+        if (!parse_option(a, option, argv[++k])) return false;
+    }
+    if (a->scene_count == 0)
+        for (i = 0; i < sizeof default_scenes / sizeof *default_scenes; i++) a->scenes[a->scene_count++] = default_scenes[i];
+    return true;
+}
+
+static void print_names(const char *title, const char *const *names, int count) {
+    int i;
+    printf("%s", title);
+    for (i = 0; i < count; i++) printf("%s%s", i ? ", " : "", names[i]);
+    printf("\n");
+}
+
+static void print_help(void) {
+    const rt_algorithm_info *info;
+    size_t i;
+
+    printf("bench: speed of ray tracing algorithms, measured in turns on the same rays\n\n"
+           "usage: bench [--scene S]... [option]...\n\n"
+           "  --scene S          an .obj or .nff file, or a procedural scene (below); may be repeated\n"
+           "  --rays LIST        primary,shadow,reflect,diffuse or all (the default)\n"
+           "  --algorithm LIST   names from below, or all (the default): all that are built, and peers\n"
+           "  --packet N         packet width for algorithms that have packets; 0: their default; all: each\n"
+           "  --structure NAME   only algorithms on this structure\n"
+           "  --cull NAME        frustum culling\n"
+           "  --isa NAME         instructions to use\n"
+           "  --size WxH         primary rays, default 512x512\n"
+           "  --threads N        default 1; 0: one a processor\n"
+           "  --repeat N         measured rounds, default 5, after one to warm up\n"
+           "  --eye X,Y,Z --look X,Y,Z --up X,Y,Z --fov DEGREES   instead of the scene's camera\n"
+           "  --json             one JSON object a line instead of tables\n"
+           "  --gpu              (not built yet)\n\nalgorithms\n");
+    for (i = 0; (info = rt_algorithm_get(i)) != NULL; i++)
+        printf("  %-21s %s%s\n", info->name, info->what, info->built ? "" : " (not built yet)");
+#ifdef RT_BENCH_EMBREE
+    for (i = 0; i < EMBREE_MODES; i++) printf("  %-21s Embree, %d ray%s a call%s\n", embree_modes[i].name, embree_modes[i].packet,
+                                              embree_modes[i].packet > 1 ? "s" : "", embree_modes[i].flags ? ", robust" : "");
+#endif
+    print_names("structures: ", structure_names, RT_STRUCTURE_COUNT);
+    print_names("culling: ", cull_names, RT_CULL_COUNT);
+    print_names("instructions: ", isa_names, RT_ISA_COUNT);
+    printf("\nprocedural scenes\n%s\ncolumns: spread = (slowest - fastest) / median; nodes, boxes, prims = visited or tested a ray;\n"
+           "differs = rays whose hit, or only whose primitive, is not the one that we find\n", scene_procedural_list());
+}
+
+/* ---- >>measure ------------------------------------------------------------------------------------------------------ */
+
+static double now(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+typedef struct {
+    const entry *e;
+    const batch *b;
+} work;
+
+static void trace_chunk(void *context, size_t index) {
+    const work *w = context;
+    size_t first = index * CHUNK, left = w->b->count - first;
+    w->e->trace(w->e, w->b, first, first + (left < CHUNK ? left : CHUNK));
+}
+
+/* Seconds that one pass over the rays takes. */
+static double measure(const entry *e, const batch *b, pool *threads) {
+    work w;
+    double total = 0, start;
+    int passes = 0;
+
+    w.e = e, w.b = b;
+    do {
+        if (e->prepare) e->prepare(e, b);
+        start = now();
+        pool_for(threads, (b->count + CHUNK - 1) / CHUNK, trace_chunk, &w);
+        total += now() - start;
+        passes++;
+    } while (total < MEASURE_SECONDS);
+    return total / passes;
+}
+
+static int compare_doubles(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* Times all entries in turns and checks what they find. False: one of ours has found something else than the truth. */
+static bool measure_all(entry *entries, size_t count, const batch *b, pool *threads, int rounds) {
+    bool same = true;
+    size_t i;
+    int round;
+
+    for (round = 0; round <= rounds; round++)
+        for (i = 0; i < count; i++) {
+            double seconds = measure(&entries[i], b, threads);
+            if (round > 0) entries[i].seconds[round - 1] = seconds;
+            else entries[i].compare(&entries[i], b);
+        }
+    for (i = 0; i < count; i++) {
+        entry *e = &entries[i];
+        qsort(e->seconds, (size_t)rounds, sizeof *e->seconds, compare_doubles);
+        e->median = rounds % 2 ? e->seconds[rounds / 2] : (e->seconds[rounds / 2 - 1] + e->seconds[rounds / 2]) / 2;
+        e->spread = (e->seconds[rounds - 1] - e->seconds[0]) / e->median;
+        if (e->accel && e->other_hits)
+            same = complain("%s on %s finds %zu of %zu %s hits that differ", e->name, e->structure, e->other_hits, b->count,
+                            kind_names[b->kind]);
+    }
+    return same;
+}
+
+/* Counts one pass of each of our entries; also where an option that is not allowed is found out. */
+static bool count_all(entry *entries, size_t count, const batch *b) {
+    size_t i;
+    for (i = 0; i < count; i++) {
+        entry *e = &entries[i];
+        rt_trace_options options = e->options;
+        rt_error error;
+        if (!e->accel) continue;
+        memset(&e->stats, 0, sizeof e->stats);
+        options.stats = &e->stats;
+        options.error = &error;
+        if (rt_trace(e->accel, &options, b->rays, b->count, b->hits) != RT_OK) return complain("%s: %s", e->name, error.message);
+    }
+    return true;
+}
+
+/* ---- >>output ------------------------------------------------------------------------------------------------------- */
+
+static void print_json_string(const char *text) {
+    putchar('"');
+    for (; *text; text++) {
+        if (*text == '"' || *text == '\\') printf("\\%c", *text);
+        else if ((unsigned char)*text < ' ') printf("\\u%04x", (unsigned)*text);
+        else putchar(*text);
+    }
+    putchar('"');
+}
+
+/* What is counted, a ray; null for a peer, which does not tell. */
+static void print_json_rate(const char *key, const entry *e, uint64_t sum) {
+    if (e->accel) printf("\"%s\":%.4f,", key, (double)sum / (double)e->stats.rays);
+    else printf("\"%s\":null,", key);
+}
+
+static void print_json(const entry *e, const batch *b, const char *scene_name, size_t primitives, const arguments *a, int threads) {
+    printf("{\"scene\":");
+    print_json_string(scene_name);
+    printf(",\"primitives\":%zu,\"structure\":\"%s\",\"algorithm\":\"%s\",\"packet\":%d,\"cull\":\"%s\",\"rays\":\"%s\",\"threads\":%d,",
+           primitives, e->structure, e->name, e->packet, cull_names[e->accel ? a->cull : RT_CULL_NONE], kind_names[b->kind], threads);
+    printf("\"mrays_per_s\":%.4f,", (double)b->count / e->median * 1e-6);
+    print_json_rate("nodes_per_ray", e, e->stats.nodes);
+    print_json_rate("boxes_per_ray", e, e->stats.boxes);
+    print_json_rate("prims_per_ray", e, e->stats.prims);
+    printf("\"build_s\":%.6f,\"bytes\":%zu}\n", e->build_seconds, e->bytes);
+}
+
+static void print_table(const entry *entries, size_t count, const batch *b) {
+    const entry *base = NULL;
+    size_t i;
+
+    for (i = 0; i < count; i++)
+        if (strcmp(entries[i].name, "bvh.stack") == 0) base = &entries[i];
+    printf("%-8s %8zu rays                   Mrays/s spread  x bvh.stack    nodes    boxes    prims  differs\n",
+           kind_names[b->kind], b->count);
+    for (i = 0; i < count; i++) {
+        const entry *e = &entries[i];
+        char packet[16] = "";
+        if (e->packet) snprintf(packet, sizeof packet, "%d", e->packet);
+        printf("  %-21s %-8s %4s %9.3f %5.1f%%", e->name, e->structure, packet, (double)b->count / e->median * 1e-6, 100 * e->spread);
+        if (base) printf(" %12.2f", base->median / e->median);
+        else printf(" %12s", "");
+        if (e->accel) {
+            double rays = (double)e->stats.rays;
+            printf(" %8.2f %8.2f %8.2f  %zu\n", (double)e->stats.nodes / rays, (double)e->stats.boxes / rays, (double)e->stats.prims / rays,
+                   e->other_hits);
+        } else {
+            printf(" %8s %8s %8s  %zu + %zu\n", "", "", "", e->other_hits, e->other_prims);
+        }
+    }
+}
+
+/* ---- >>scenes ------------------------------------------------------------------------------------------------------- */
+
+/* What is built of one scene. */
+typedef struct {
+    scene content;
+    rt_accel *accels[RT_STRUCTURE_COUNT];   /* NULL where no entry needs one */
+    double build_seconds[RT_STRUCTURE_COUNT];
+    rt_ray *primary, *rays;
+    rt_hit *primary_hits, *truth, *hits;
+    uint32_t *packets;
+    entry *entries;
+    size_t entry_count, entry_capacity;
+#ifdef RT_BENCH_EMBREE
+    RTCDevice device;
+    RTCScene peers[EMBREE_MODES];
+#endif
+} bench;
+
+static void bench_free(bench *s) {
+    size_t i;
+#ifdef RT_BENCH_EMBREE
+    for (i = 0; i < EMBREE_MODES; i++)
+        if (s->peers[i]) rtcReleaseScene(s->peers[i]);
+    if (s->device) rtcReleaseDevice(s->device);
+#endif
+    for (i = 0; i < RT_STRUCTURE_COUNT; i++) rt_free(s->accels[i]);
+    free(s->primary), free(s->rays), free(s->primary_hits), free(s->truth), free(s->hits), free(s->packets), free(s->entries);
+    scene_free(&s->content);
+}
+
+/* The next entry, zeroed; NULL: out of memory. Earlier pointers to entries become stale. */
+static entry *add_entry(bench *s) {
+    if (s->entry_count == s->entry_capacity) {
+        size_t capacity = 2 * s->entry_capacity + 8;
+        entry *grown = realloc(s->entries, capacity * sizeof *grown);
+        if (!grown) return NULL;
+        s->entries = grown;
+        s->entry_capacity = capacity;
+    }
+    return memset(&s->entries[s->entry_count++], 0, sizeof *s->entries);
+}
+
+static bool build(bench *s, rt_structure structure, pool *threads) {
+    rt_build_options options;
+    rt_error error;
+    double start;
+
+    if (s->accels[structure]) return true;
+    memset(&options, 0, sizeof options);
+    options.structure = structure;
+    options.error = &error;
+    if (pool_threads(threads) > 1) {
+        options.parallel_for = pool_for;
+        options.parallel_user = threads;
+    }
+    start = now();
+    if (rt_build(&s->accels[structure], &s->content.geometry, &options) != RT_OK) return complain("%s: %s", s->content.name, error.message);
+    s->build_seconds[structure] = now() - start;
+    return true;
+}
+
+static bool add_ours(bench *s, const rt_algorithm_info *info, rt_structure structure, int packet, const arguments *a, pool *threads) {
+    entry *e;
+    rt_info built;
+
+    if (!build(s, structure, threads)) return false;
+    e = add_entry(s);
+    if (!e) return complain("out of memory");
+    rt_get_info(s->accels[structure], &built);
+    e->name = info->name;
+    e->structure = structure_names[structure];
+    e->packet = e->options.packet_width = packet;
+    e->options.algorithm = info->algorithm;
+    e->options.cull = (rt_cull)a->cull;
+    e->options.isa = (rt_isa)a->isa;
+    e->accel = s->accels[structure];
+    e->build_seconds = s->build_seconds[structure];
+    e->bytes = built.bytes;
+    e->trace = our_trace;
+    e->compare = our_compare;
+    return true;
+}
+
+/* Is there an algorithm of its own for structure? */
+static bool structure_built(rt_structure structure) {
+    const rt_algorithm_info *info;
+    size_t i;
+    for (i = 0; (info = rt_algorithm_get(i)) != NULL; i++)
+        if (info->built && info->structure == structure) return true;
+    return false;
+}
+
+/* An entry for each of our algorithms that a asks for, on each structure it runs on, at each packet width. */
+static bool add_all_ours(bench *s, const arguments *a, pool *threads) {
+    const rt_algorithm_info *info;
+    bool all = strcmp(a->algorithms, "all") == 0;
+    size_t i, k;
+    int structure;
+
+    for (i = 0; (info = rt_algorithm_get(i)) != NULL; i++) {
+        if (!listed(a->algorithms, info->name) || (all && !info->built)) continue;
+        if (!info->built) return complain("%s is not built yet", info->name);
+        for (structure = 0; structure < RT_STRUCTURE_COUNT; structure++) {
+            int widths[MAX_WIDTHS] = { 0 };
+            size_t count = 1;
+            if (info->structure != RT_STRUCTURE_COUNT && (int)info->structure != structure) continue;
+            if (a->structure != RT_STRUCTURE_COUNT && a->structure != structure) continue;
+            if (!structure_built((rt_structure)structure)) continue;
+            if (a->packet == ALL_PACKETS && info->packets) count = rt_packet_widths(info->algorithm, widths, MAX_WIDTHS);
+            else if (info->packets) widths[0] = a->packet;
+            for (k = 0; k < count; k++)
+                if (!add_ours(s, info, (rt_structure)structure, widths[k], a, threads)) return false;
+        }
+    }
+    return true;
+}
+
+#ifdef RT_BENCH_EMBREE
+/* An entry for each mode of Embree that a asks for. */
+static bool add_all_embree(bench *s, const arguments *a, int threads) {
+    char config[32];
+    size_t i;
+
+    snprintf(config, sizeof config, "threads=%d", threads);
+    for (i = 0; i < EMBREE_MODES; i++) {
+        entry *e;
+        size_t bytes = 0;
+        double start;
+        if (!listed(a->algorithms, embree_modes[i].name)) continue;
+        e = add_entry(s);
+        if (!e) return complain("out of memory");
+        if (!s->device) s->device = rtcNewDevice(config);
+        if (!s->device) return complain("Embree does not start");
+        rtcSetDeviceMemoryMonitorFunction(s->device, embree_count_bytes, &bytes);
+        start = now();
+        s->peers[i] = embree_build(s->device, &s->content.geometry, embree_modes[i].flags);
+        e->build_seconds = now() - start;
+        rtcSetDeviceMemoryMonitorFunction(s->device, NULL, NULL);
+        if (!s->peers[i]) return complain("Embree cannot build %s", s->content.name);
+        e->name = embree_modes[i].name;
+        e->structure = "bvh";
+        e->packet = embree_modes[i].packet;
+        e->bytes = bytes;
+        e->prepare = embree_prepare;
+        e->trace = embree_trace;
+        e->compare = embree_compare;
+        e->peer = s->peers[i];
+        e->triangle_count = (unsigned)s->content.geometry.triangle_count;
+    }
+    return true;
+}
+#endif
+
+static void aim(rt_camera *camera, const arguments *a) {
+    if (a->has_eye) camera->eye = a->camera.eye;
+    if (a->has_look) camera->look = a->camera.look;
+    if (a->has_up) camera->up = a->camera.up;
+    if (a->has_fov) camera->fov = a->camera.fov;
+}
+
+/* The line above a scene's tables. */
+static void print_scene(const bench *s, const arguments *a, int threads) {
+    const rt_geometry *geometry = &s->content.geometry;
+    size_t primitives = geometry->triangle_count + geometry->sphere_count;
+    int i;
+
+    printf("\n%s: %zu triangles, %zu spheres; %dx%d, %d thread%s, median of %d\n", s->content.name, geometry->triangle_count,
+           geometry->sphere_count, a->width, a->height, threads, threads == 1 ? "" : "s", a->rounds);
+    for (i = 0; i < RT_STRUCTURE_COUNT; i++) {
+        rt_info built;
+        if (!s->accels[i]) continue;
+        rt_get_info(s->accels[i], &built);
+        printf("%s: built in %.3f s, %.1f bytes a primitive\n", structure_names[i], s->build_seconds[i],
+               (double)built.bytes / (double)(primitives ? primitives : 1));
+    }
+}
+
+/* Measures one kind of rays and prints it. */
+static bool bench_kind(bench *s, ray_kind kind, const rt_accel *accel, const arguments *a, pool *threads) {
+    const rt_geometry *geometry = &s->content.geometry;
+    const rt_vec3 light = s->content.lights[0].position;       /* scene_load always gives one */
+    size_t pixels = (size_t)a->width * (size_t)a->height, i;
+    rt_trace_options options;
+    batch b;
+    bool same;
+
+    memset(&options, 0, sizeof options);
+    b.kind = kind;
+    b.query = options.query = kind == SHADOW ? RT_ANY : RT_CLOSEST;
+    b.rays = kind == PRIMARY ? s->primary : s->rays;
+    b.count = kind == PRIMARY ? pixels : make_secondary(kind, geometry, light, s->primary, s->primary_hits, pixels, s->rays);
+    b.truth = s->truth;
+    b.hits = s->hits;
+    b.packets = s->packets;
+    if (b.count == 0) {
+        if (!a->json) printf("%-8s no rays: no primary ray hits\n", kind_names[kind]);
+        return true;
+    }
+    for (i = 0; i < s->entry_count; i++) s->entries[i].options.query = b.query;
+    rt_trace(accel, &options, b.rays, b.count, s->truth);
+    if (!count_all(s->entries, s->entry_count, &b)) return false;
+    same = measure_all(s->entries, s->entry_count, &b, threads, a->rounds);
+    if (a->json)
+        for (i = 0; i < s->entry_count; i++)
+            print_json(&s->entries[i], &b, s->content.name, geometry->triangle_count + geometry->sphere_count, a, pool_threads(threads));
+    else
+        print_table(s->entries, s->entry_count, &b);
+    fflush(stdout);
+    return same;
+}
+
+/* Builds one scene, then measures every kind of ray in it. *s is to be freed in any case. */
+static bool bench_scene(bench *s, const char *name, const arguments *a, pool *threads) {
+    size_t pixels = (size_t)a->width * (size_t)a->height, i;
+    const rt_accel *accel = NULL;
+    scene_error error;
+    bool same = true;
+    int kind;
+
+    if (!scene_load(&s->content, name, NULL, NULL, &error)) return complain("%s", error.message);
+    aim(&s->content.camera, a);
+    if (!add_all_ours(s, a, threads)) return false;
+#ifdef RT_BENCH_EMBREE
+    if (!add_all_embree(s, a, pool_threads(threads))) return false;
+#endif
+    for (i = 0; i < RT_STRUCTURE_COUNT && !accel; i++) accel = s->accels[i];
+    if (!accel) {
+        if (!build(s, RT_BVH, threads)) return false;
+        accel = s->accels[RT_BVH];
+    }
+
+    s->primary = calloc(pixels, sizeof *s->primary);
+    s->rays = calloc(pixels, sizeof *s->rays);
+    s->primary_hits = calloc(pixels, sizeof *s->primary_hits);
+    s->truth = calloc(pixels, sizeof *s->truth);
+    s->hits = calloc(pixels, sizeof *s->hits);
+    if (!s->primary || !s->rays || !s->primary_hits || !s->truth || !s->hits) return complain("out of memory");
+#ifdef RT_BENCH_EMBREE
+    s->packets = embree_packets(pixels);
+    if (!s->packets) return complain("out of memory");
+#endif
+
+    make_primary(&s->content.camera, a->width, a->height, s->primary);
+    rt_trace(accel, NULL, s->primary, pixels, s->primary_hits);
+    if (!a->json) print_scene(s, a, pool_threads(threads));
+    for (kind = 0; kind < KIND_COUNT; kind++)
+        if (listed(a->rays, kind_names[kind]))
+            same = bench_kind(s, (ray_kind)kind, accel, a, threads) && same;
+    return same;
+}
+
+int main(int argc, char **argv) {
+    arguments a;
+    pool *threads = NULL;
+    bool ok = parse_arguments(&a, argc, argv);
+    size_t i;
+
+    if (ok && a.help) print_help();
+    if (ok && !a.help) {
+        threads = pool_create(a.threads);
+        ok = threads || complain("the threads do not start");
+        for (i = 0; threads && i < a.scene_count; i++) {
+            bench s;
+            memset(&s, 0, sizeof s);
+            ok = bench_scene(&s, a.scenes[i], &a, threads) && ok;
+            bench_free(&s);
+        }
+    }
+    pool_destroy(threads);
+    free(a.scenes);
+    return ok ? 0 : 1;
+}

@@ -1,0 +1,4545 @@
+/* rt_test.c - the tests of rt.h.    SPDX-License-Identifier: MIT OR Unlicense
+
+       cc -O2 -pthread tests/rt_test.c -o rt_test -lm && ./rt_test        all tests
+       ./rt_test NAME...       those whose name contains one of the NAMEs
+       ./rt_test --list        names only
+       ./rt_test --seed N      other random numbers (the checksum changes with them)
+       ./rt_test --big         ten million triangles where otherwise one million
+
+   Every way to trace (algorithm x packet width x instructions x query) is compared by == on all bits with a scalar brute force
+   that is written here from the documented arithmetic and shares no code with rt.h. The "hits checksum" hashes what the brute force
+   found: it must be the same number from every compiler, with every flag, on every processor, so nothing that makes geometry
+   or rays may depend on them: rtt_f and rtt_d force each operation to be rounded alone.
+
+   What a test needs and does not find (a C compiler, memory, a file) is a failure: nothing is ever skipped.
+
+   CONTENTS (search for the tag)
+
+       >>memory  >>harness  >>exact  >>oracle  >>models  >>shapes  >>rays  >>compare
+       tests: >>hits  >>instances  >>ugly  >>intervals  >>watertight  >>refit  >>builds  >>oom  >>options  >>stats  >>threads
+              >>shading  >>programs  >>loaders
+       >>main  */
+
+#define _POSIX_C_SOURCE 200809L
+
+#include <dirent.h>
+#include <float.h>
+#include <math.h>
+#include <pthread.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <time.h>
+#include <unistd.h>
+
+static void *rtt_malloc(size_t size, void *user);
+static void rtt_free(void *pointer, void *user);
+#define RT_MALLOC(n, user) rtt_malloc(n, user)
+#define RT_FREE(p, user) rtt_free(p, user)
+#define RT_IMPLEMENTATION
+#include "../rt.h"
+
+#ifndef RTT_SCALE
+#define RTT_SCALE 1                         /* divides the sizes of big builds (never of a case in the checksum) */
+#endif
+
+#define RTT_COUNT(array) (sizeof(array) / sizeof((array)[0]))
+
+/* ---- >>harness ------------------------------------------------------------------------------------------------------ */
+
+typedef struct { const char *name; void (*run)(void); } rtt_test;
+
+static struct {
+    const char *test;                       /* the one that runs */
+    int failures;                           /* of it */
+    uint64_t seed, checksum, cases, rays;
+    bool big;
+} rtt;
+
+/* Notes a failure; only the first few of a test are printed. */
+static void __attribute__((format(printf, 1, 2))) rtt_fail(const char *format, ...)
+{
+    va_list arguments;
+
+    if (rtt.failures++ >= 8)
+        return;
+    printf("    %s: ", rtt.test);
+    va_start(arguments, format);
+    vprintf(format, arguments);
+    va_end(arguments);
+    printf("\n");
+}
+
+static bool rtt_expect(bool condition, const char *text, int line)
+{
+    if (!condition)
+        rtt_fail("line %d: %s", line, text);
+    return condition;
+}
+
+#define CHECK(condition) rtt_expect(condition, #condition, __LINE__)
+
+static bool rtt_expect_status(rt_status got, rt_status want, const char *text, int line)
+{
+    if (got != want)
+        rtt_fail("line %d: %s: got \"%s\", expected \"%s\"", line, text, rt_status_string(got), rt_status_string(want));
+    return got == want;
+}
+
+#define CHECK_STATUS(call, want) rtt_expect_status(call, want, #call, __LINE__)
+
+/* A failure that leaves nothing to go on with. */
+static void rtt_die(const char *what)
+{
+    fflush(stdout);
+    fprintf(stderr, "rt_test: %s\n", what);
+    exit(2);
+}
+
+static double rtt_seconds(void)
+{
+    struct timespec now;
+
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+/* ---- >>memory ------------------------------------------------------------------------------------------------------- */
+
+/* What one user pointer of RT_MALLOC has seen. */
+typedef struct {
+    size_t live, peak;                      /* bytes */
+    size_t blocks, calls;                   /* blocks not freed yet; allocations asked for */
+    size_t fail_at;                         /* this call fails (1 = the first); 0 = none */
+    bool fail_after;                        /* so do all later ones */
+} rtt_memory;
+
+typedef struct { rtt_memory *owner; size_t size; } rtt_block;          /* before each block */
+
+static rtt_memory rtt_heap;                 /* where user is NULL */
+static pthread_mutex_t rtt_heap_lock = PTHREAD_MUTEX_INITIALIZER;
+static const unsigned char rtt_fence[8] = { 0xf0, 0xe1, 0xd2, 0xc3, 0xb4, 0xa5, 0x96, 0x87 };      /* after each block */
+
+static void *rtt_malloc(size_t size, void *user)
+{
+    rtt_memory *owner = user ? (rtt_memory *)user : &rtt_heap;
+    rtt_block *block = NULL;
+
+    pthread_mutex_lock(&rtt_heap_lock);
+    owner->calls++;
+    if (!(owner->fail_at && (owner->calls == owner->fail_at || (owner->fail_after && owner->calls > owner->fail_at)))
+        && size <= SIZE_MAX - sizeof *block - sizeof rtt_fence)
+        block = (rtt_block *)malloc(sizeof *block + size + sizeof rtt_fence);
+    if (block) {
+        block->owner = owner;
+        block->size = size;
+        owner->blocks++;
+        owner->live += size;
+        if (owner->peak < owner->live)
+            owner->peak = owner->live;
+    }
+    pthread_mutex_unlock(&rtt_heap_lock);
+    if (!block)
+        return NULL;
+    memset(block + 1, 0xa5, size);          /* so that what nobody wrote is not zero by luck */
+    memcpy((char *)(block + 1) + size, rtt_fence, sizeof rtt_fence);
+    return block + 1;
+}
+
+static void rtt_free(void *pointer, void *user)
+{
+    rtt_block *block = (rtt_block *)pointer - 1;
+
+    if (!pointer)
+        return;
+    if (block->owner != (user ? (rtt_memory *)user : &rtt_heap))
+        rtt_die("RT_FREE with another user pointer than RT_MALLOC");
+    if (memcmp((char *)pointer + block->size, rtt_fence, sizeof rtt_fence) != 0)
+        rtt_die("written past the end of a block");
+    pthread_mutex_lock(&rtt_heap_lock);
+    block->owner->blocks--;
+    block->owner->live -= block->size;
+    pthread_mutex_unlock(&rtt_heap_lock);
+    memset(pointer, 0xdd, block->size);
+    free(block);
+}
+
+/* For the test's own arrays: room for one more element in an array that holds count. */
+static void *rtt_grow(void *array, size_t count, size_t size)
+{
+    if ((count & (count - 1)) != 0)
+        return array;
+    array = realloc(array, (count ? 2 * count : 1) * size);
+    if (!array)
+        rtt_die("out of memory");
+    return array;
+}
+
+static void *rtt_array(size_t count, size_t size)
+{
+    void *array = calloc(count ? count : 1, size);
+
+    if (!array)
+        rtt_die("out of memory");
+    return array;
+}
+
+/* ---- >>exact: arithmetic that no flag can change, and random numbers from it ---------------------------------------- */
+
+/* The value as the format holds it: the volatile store keeps a compiler from contracting the operation with the next. */
+static inline float rtt_f(float value) { volatile float rounded = value; return rounded; }
+static inline double rtt_d(double value) { volatile double rounded = value; return rounded; }
+
+static uint64_t rtt_mix(uint64_t hash, uint64_t word)
+{
+    hash = (hash ^ word) * 0x9e3779b97f4a7c15u;
+    return hash ^ (hash >> 29);
+}
+
+/* A stream of numbers for this test (splitmix64); the same whether it runs alone or among others. */
+typedef struct { uint64_t state; } rtt_random;
+
+static rtt_random rtt_stream(void)
+{
+    rtt_random random = { rtt.seed };
+    const char *c;
+
+    for (c = rtt.test; *c; c++)
+        random.state = rtt_mix(random.state, (unsigned char)*c);
+    return random;
+}
+
+static uint32_t rtt_bits(rtt_random *random)
+{
+    uint64_t z = random->state += 0x9e3779b97f4a7c15u;
+
+    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
+    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
+    return (uint32_t)(z >> 32);
+}
+
+static uint32_t rtt_below(rtt_random *random, uint32_t n) { return (uint32_t)(((uint64_t)rtt_bits(random) * n) >> 32); }
+
+/* In [-1, 1), a multiple of 2^-23. */
+static float rtt_signed(rtt_random *random) { return (float)((int32_t)(rtt_bits(random) >> 8) - (1 << 23)) * 0x1p-23f; }
+
+/* +-1..2 times a power of two with exponent in [low, high]. */
+static float rtt_log(rtt_random *random, int low, int high)
+{
+    int exponent = low + (int)rtt_below(random, (uint32_t)(high - low + 1));
+    float mantissa = (float)((1u << 23) + (rtt_bits(random) >> 9)) * 0x1p-23f;
+
+    return ldexpf((rtt_bits(random) & 1) ? mantissa : -mantissa, exponent);
+}
+
+static rt_vec3 rtt_v(float x, float y, float z) { rt_vec3 v; v.x = x; v.y = y; v.z = z; return v; }
+static rt_vec3 rtt_add(rt_vec3 a, rt_vec3 b) { return rtt_v(rtt_f(a.x + b.x), rtt_f(a.y + b.y), rtt_f(a.z + b.z)); }
+static rt_vec3 rtt_sub(rt_vec3 a, rt_vec3 b) { return rtt_v(rtt_f(a.x - b.x), rtt_f(a.y - b.y), rtt_f(a.z - b.z)); }
+static rt_vec3 rtt_mul(rt_vec3 a, float s) { return rtt_v(rtt_f(a.x * s), rtt_f(a.y * s), rtt_f(a.z * s)); }
+
+/* A point in the cube of half width size around center. */
+static rt_vec3 rtt_point(rtt_random *random, rt_vec3 center, float size)
+{
+    rt_vec3 v;
+
+    v.x = rtt_signed(random), v.y = rtt_signed(random), v.z = rtt_signed(random);
+    return rtt_add(center, rtt_mul(v, size));
+}
+
+/* A unit axis: 0..5 = +x -x +y -y +z -z. */
+static rt_vec3 rtt_axis(unsigned which)
+{
+    float sign = (which & 1) ? -1.0f : 1.0f;
+
+    return rtt_v(which / 2 == 0 ? sign : 0, which / 2 == 1 ? sign : 0, which / 2 == 2 ? sign : 0);
+}
+
+static const rt_vec3 rtt_origin = { 0, 0, 0 };
+
+/* ---- >>models: geometry that grows, and what the oracle must know of it --------------------------------------------- */
+
+typedef struct rtt_model {
+    float *vertices;       size_t vertex_count;
+    uint32_t *indices;     size_t triangle_count;
+    rt_sphere *spheres;    size_t sphere_count;
+    rt_instance *instances; const struct rtt_model **children; size_t instance_count;
+    rt_accel *accel;                        /* where it is a child of others */
+    bool skip_invalid;
+} rtt_model;
+
+static rt_geometry rtt_geometry(const rtt_model *model)
+{
+    rt_geometry geometry;
+
+    memset(&geometry, 0, sizeof geometry);
+    geometry.vertices = model->vertices;
+    geometry.vertex_count = model->vertex_count;
+    geometry.indices = model->indices;
+    geometry.triangle_count = model->triangle_count;
+    geometry.spheres = model->spheres;
+    geometry.sphere_count = model->sphere_count;
+    geometry.instances = model->instances;
+    geometry.instance_count = model->instance_count;
+    return geometry;
+}
+
+static void rtt_model_free(rtt_model *model)
+{
+    rt_free(model->accel);
+    free(model->vertices);
+    free(model->indices);
+    free(model->spheres);
+    free(model->instances);
+    free(model->children);
+    memset(model, 0, sizeof *model);
+}
+
+static uint32_t rtt_vertex(rtt_model *model, rt_vec3 p)
+{
+    model->vertices = (float *)rtt_grow(model->vertices, model->vertex_count, 3 * sizeof(float));
+    memcpy(model->vertices + 3 * model->vertex_count, &p, sizeof p);
+    return (uint32_t)model->vertex_count++;
+}
+
+static void rtt_triangle(rtt_model *model, uint32_t a, uint32_t b, uint32_t c)
+{
+    uint32_t *corner;
+
+    model->indices = (uint32_t *)rtt_grow(model->indices, model->triangle_count, 3 * sizeof(uint32_t));
+    corner = model->indices + 3 * model->triangle_count++;
+    corner[0] = a, corner[1] = b, corner[2] = c;
+}
+
+static void rtt_face(rtt_model *model, rt_vec3 a, rt_vec3 b, rt_vec3 c)
+{
+    uint32_t first = rtt_vertex(model, a);
+
+    rtt_vertex(model, b);
+    rtt_vertex(model, c);
+    rtt_triangle(model, first, first + 1, first + 2);
+}
+
+/* The parallelogram corner, corner + u, corner + u + v, corner + v. */
+static void rtt_quad(rtt_model *model, rt_vec3 corner, rt_vec3 u, rt_vec3 v)
+{
+    uint32_t first = rtt_vertex(model, corner);
+
+    rtt_vertex(model, rtt_add(corner, u));
+    rtt_vertex(model, rtt_add(rtt_add(corner, u), v));
+    rtt_vertex(model, rtt_add(corner, v));
+    rtt_triangle(model, first, first + 1, first + 2);
+    rtt_triangle(model, first, first + 2, first + 3);
+}
+
+static void rtt_ball(rtt_model *model, rt_vec3 center, float radius)
+{
+    model->spheres = (rt_sphere *)rtt_grow(model->spheres, model->sphere_count, sizeof(rt_sphere));
+    model->spheres[model->sphere_count].center = center;
+    model->spheres[model->sphere_count++].radius = radius;
+}
+
+/* Instances child, which is built the first time. */
+static void rtt_instance(rtt_model *model, rtt_model *child, const float transform[12])
+{
+    rt_geometry geometry = rtt_geometry(child);
+
+    if (!child->accel)
+        CHECK_STATUS(rt_build(&child->accel, &geometry, NULL), RT_OK);
+    model->instances = (rt_instance *)rtt_grow(model->instances, model->instance_count, sizeof(rt_instance));
+    model->children = (const rtt_model **)rtt_grow((void *)model->children, model->instance_count, sizeof *model->children);
+    model->instances[model->instance_count].accel = child->accel;
+    memcpy(model->instances[model->instance_count].transform, transform, 12 * sizeof(float));
+    model->children[model->instance_count++] = child;
+}
+
+/* The diagonal transform with a translation. */
+static void rtt_place(rtt_model *model, rtt_model *child, rt_vec3 scale, rt_vec3 offset)
+{
+    float transform[12] = { 0 };
+
+    transform[0] = scale.x, transform[5] = scale.y, transform[10] = scale.z;
+    transform[3] = offset.x, transform[7] = offset.y, transform[11] = offset.z;
+    rtt_instance(model, child, transform);
+}
+
+static rt_vec3 rtt_corner(const rtt_model *model, size_t triangle, size_t corner)
+{
+    rt_vec3 p;
+
+    memcpy(&p, model->vertices + 3 * (size_t)model->indices[3 * triangle + corner], sizeof p);
+    return p;
+}
+
+static bool rtt_in_range(const float *values, size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        if (!(fabsf(values[i]) <= RT_MAX_COORDINATE))
+            return false;
+    return true;
+}
+
+/* ---- >>oracle: brute force, operation by operation as documented ---------------------------------------------------- */
+
+static bool rtt_legal(const rt_ray *ray)
+{
+    float largest = fabsf(ray->dir.x);
+
+    if (fabsf(ray->dir.y) > largest)
+        largest = fabsf(ray->dir.y);
+    if (fabsf(ray->dir.z) > largest)
+        largest = fabsf(ray->dir.z);
+    return isfinite(ray->dir.x) && isfinite(ray->dir.y) && isfinite(ray->dir.z) && rtt_in_range(&ray->org.x, 3)
+        && largest >= RT_MIN_DIRECTION && largest <= RT_MAX_DIRECTION && ray->tmin < ray->tmax;
+}
+
+/* The axes of a ray, and its shear onto the largest. */
+typedef struct { int kx, ky, kz; float org[3], dir[3], sx, sy; } rtt_shear;
+
+static rtt_shear rtt_shear_of(const rt_ray *ray)
+{
+    rtt_shear s;
+
+    memcpy(s.org, &ray->org, sizeof s.org);
+    memcpy(s.dir, &ray->dir, sizeof s.dir);
+    s.kz = 0;
+    if (fabsf(s.dir[1]) > fabsf(s.dir[0]))
+        s.kz = 1;
+    if (fabsf(s.dir[2]) > fabsf(s.dir[s.kz]))
+        s.kz = 2;
+    s.kx = (s.kz + 1) % 3;
+    s.ky = (s.kx + 1) % 3;
+    s.sx = rtt_f(s.dir[s.kx] / s.dir[s.kz]);
+    s.sy = rtt_f(s.dir[s.ky] / s.dir[s.kz]);
+    return s;
+}
+
+/* Where the triangle's plane is met, if inside; the interval of the ray is the caller's. */
+static bool rtt_meet_triangle(const rtt_shear *s, const float *const corner[3], rt_hit *hit)
+{
+    float x[3], y[3], u, v, w;
+    double ud, vd, wd, det, t, r, z[3];
+
+    for (int i = 0; i < 3; i++) {
+        float depth = rtt_f(corner[i][s->kz] - s->org[s->kz]);
+
+        x[i] = rtt_f(rtt_f(corner[i][s->kx] - s->org[s->kx]) - rtt_f(s->sx * depth));
+        y[i] = rtt_f(rtt_f(corner[i][s->ky] - s->org[s->ky]) - rtt_f(s->sy * depth));
+        z[i] = rtt_d((double)corner[i][s->kz] - (double)s->org[s->kz]);
+    }
+    u = rtt_f(rtt_f(x[2] * y[1]) - rtt_f(y[2] * x[1]));
+    v = rtt_f(rtt_f(x[0] * y[2]) - rtt_f(y[0] * x[2]));
+    w = rtt_f(rtt_f(x[1] * y[0]) - rtt_f(y[1] * x[0]));
+    if ((u < 0 || v < 0 || w < 0) && (u > 0 || v > 0 || w > 0))
+        return false;
+    ud = rtt_d(rtt_d((double)x[2] * (double)y[1]) - rtt_d((double)y[2] * (double)x[1]));
+    vd = rtt_d(rtt_d((double)x[0] * (double)y[2]) - rtt_d((double)y[0] * (double)x[2]));
+    wd = rtt_d(rtt_d((double)x[1] * (double)y[0]) - rtt_d((double)y[1] * (double)x[0]));
+    if ((ud < 0 || vd < 0 || wd < 0) && (ud > 0 || vd > 0 || wd > 0))
+        return false;
+    det = rtt_d(rtt_d(ud + vd) + wd);
+    if (det == 0)
+        return false;
+    t = rtt_d(rtt_d(rtt_d(ud * z[0]) + rtt_d(vd * z[1])) + rtt_d(wd * z[2]));
+    r = rtt_d(1.0 / det);
+    hit->t = (float)rtt_d(rtt_d(t * r) * rtt_d(1.0 / (double)s->dir[s->kz]));
+    hit->u = (float)rtt_d(vd * r);
+    hit->v = (float)rtt_d(wd * r);
+    return true;
+}
+
+static double rtt_dot(const double a[3], const double b[3])
+{
+    return rtt_d(rtt_d(rtt_d(a[0] * b[0]) + rtt_d(a[1] * b[1])) + rtt_d(a[2] * b[2]));
+}
+
+static bool rtt_meet_sphere(const rt_ray *ray, const rt_sphere *sphere, rt_hit *hit)
+{
+    double d[3] = { (double)ray->dir.x, (double)ray->dir.y, (double)ray->dir.z }, oc[3], l[3];
+    double radius = (double)sphere->radius, a, b, c, k, disc, s, q, nearer, farther;
+
+    oc[0] = rtt_d((double)sphere->center.x - (double)ray->org.x);
+    oc[1] = rtt_d((double)sphere->center.y - (double)ray->org.y);
+    oc[2] = rtt_d((double)sphere->center.z - (double)ray->org.z);
+    a = rtt_dot(d, d);
+    b = rtt_dot(oc, d);
+    k = rtt_d(b / a);
+    for (int i = 0; i < 3; i++)
+        l[i] = rtt_d(oc[i] - rtt_d(k * d[i]));
+    disc = rtt_d(rtt_d(radius * radius) - rtt_dot(l, l));
+    if (disc < 0)
+        return false;
+    s = rtt_d(sqrt(rtt_d(a * disc)));
+    c = rtt_d(rtt_dot(oc, oc) - rtt_d(radius * radius));
+    q = b >= 0 ? rtt_d(b + s) : rtt_d(b - s);
+    nearer = q == 0 ? 0 : b >= 0 ? rtt_d(c / q) : rtt_d(q / a);
+    farther = q == 0 ? 0 : b >= 0 ? rtt_d(q / a) : rtt_d(c / q);
+    hit->t = (float)nearer > ray->tmin ? (float)nearer : (float)farther;
+    hit->u = hit->v = 0;
+    return true;
+}
+
+/* The inverse of a 3x4 transform; false where it has none. */
+static bool rtt_invert(const float m[12], float inverse[12])
+{
+    double c[9], det, i[12];
+
+    for (int row = 0; row < 3; row++)
+        for (int column = 0; column < 3; column++) {           /* entry (row, column) of the inverse: cofactor (column, row) */
+            const float *p = m + 4 * ((column + 1) % 3), *q = m + 4 * ((column + 2) % 3);
+            int a = (row + 1) % 3, b = (row + 2) % 3;
+
+            c[3 * row + column] = rtt_d(rtt_d((double)p[a] * (double)q[b]) - rtt_d((double)p[b] * (double)q[a]));
+        }
+    det = rtt_d(rtt_d(rtt_d((double)m[0] * c[0]) + rtt_d((double)m[1] * c[3])) + rtt_d((double)m[2] * c[6]));
+    for (int row = 0; row < 3; row++) {
+        double t[3] = { (double)m[3], (double)m[7], (double)m[11] };
+
+        for (int column = 0; column < 3; column++)
+            i[4 * row + column] = rtt_d(c[3 * row + column] / det);
+        i[4 * row + 3] = -rtt_dot(i + 4 * row, t);
+    }
+    for (int k = 0; k < 12; k++) {
+        inverse[k] = (float)i[k];
+        if (!isfinite(inverse[k]))
+            det = 0;
+    }
+    return det != 0;
+}
+
+static rt_ray rtt_to_object(const float inverse[12], const rt_ray *ray)
+{
+    double org[3] = { (double)ray->org.x, (double)ray->org.y, (double)ray->org.z };
+    double dir[3] = { (double)ray->dir.x, (double)ray->dir.y, (double)ray->dir.z };
+    float o[3], d[3];
+    rt_ray object = *ray;
+
+    for (int k = 0; k < 3; k++) {
+        double row[3] = { (double)inverse[4 * k], (double)inverse[4 * k + 1], (double)inverse[4 * k + 2] };
+
+        o[k] = (float)rtt_d(rtt_dot(row, org) + (double)inverse[4 * k + 3]);
+        d[k] = (float)rtt_dot(row, dir);
+    }
+    memcpy(&object.org, o, sizeof o);
+    memcpy(&object.dir, d, sizeof d);
+    return object;
+}
+
+/* Instance paths below a model: what one more instance of it takes from the numbers. */
+static uint32_t rtt_paths(const rtt_model *model)
+{
+    uint32_t count = 0;
+
+    for (size_t i = 0; i < model->instance_count; i++)
+        count += 1 + rtt_paths(model->children[i]);
+    return count;
+}
+
+/* Is primitive prim one that rt_build must refuse? */
+static bool rtt_bad(const rtt_model *model, size_t prim)
+{
+    const rt_sphere *sphere;
+    float inverse[12];
+
+    if (prim < model->triangle_count) {
+        for (size_t i = 0; i < 3; i++) {
+            size_t vertex = model->indices ? model->indices[3 * prim + i] : 3 * prim + i;
+
+            if (vertex >= model->vertex_count || !rtt_in_range(model->vertices + 3 * vertex, 3))
+                return true;
+        }
+        return false;
+    }
+    prim -= model->triangle_count;
+    if (prim < model->sphere_count) {
+        sphere = &model->spheres[prim];
+        return !rtt_in_range(&sphere->center.x, 3) || !(sphere->radius >= 0) || !(sphere->radius <= RT_MAX_COORDINATE);
+    }
+    prim -= model->sphere_count;
+    return !rtt_invert(model->instances[prim].transform, inverse);
+}
+
+static void rtt_offer(rt_hit *best, const rt_ray *ray, rt_hit *hit, size_t prim, uint32_t inst)
+{
+    hit->prim = (uint32_t)prim;
+    hit->inst = inst;
+    if (ray->tmin < hit->t && hit->t < ray->tmax
+        && (best->prim == RT_NONE || hit->t < best->t
+            || (hit->t == best->t && (inst < best->inst || (inst == best->inst && hit->prim < best->prim)))))
+        *best = *hit;
+}
+
+/* Puts the closer of *best and what ray hits into *best. inst: the path that led here; first: the number of the first path below. */
+static void rtt_search(const rtt_model *model, const rt_ray *ray, uint32_t inst, uint32_t first, rt_hit *best)
+{
+    rtt_shear shear;
+    rt_hit hit;
+
+    if (!rtt_legal(ray))
+        return;
+    shear = rtt_shear_of(ray);
+    for (size_t i = 0; i < model->triangle_count; i++) {
+        const float *corner[3];
+
+        if (model->skip_invalid && rtt_bad(model, i))
+            continue;
+        for (size_t k = 0; k < 3; k++)
+            corner[k] = model->vertices + 3 * (model->indices ? (size_t)model->indices[3 * i + k] : 3 * i + k);
+        if (rtt_meet_triangle(&shear, corner, &hit))
+            rtt_offer(best, ray, &hit, i, inst);
+    }
+    for (size_t i = 0; i < model->sphere_count; i++)
+        if (!(model->skip_invalid && rtt_bad(model, model->triangle_count + i)) && rtt_meet_sphere(ray, &model->spheres[i], &hit))
+            rtt_offer(best, ray, &hit, model->triangle_count + i, inst);
+    for (size_t i = 0; i < model->instance_count; i++) {
+        float inverse[12];
+
+        if (rtt_invert(model->instances[i].transform, inverse)) {
+            rt_ray object = rtt_to_object(inverse, ray);
+
+            rtt_search(model->children[i], &object, first, first + 1, best);
+        }
+        first += 1 + rtt_paths(model->children[i]);
+    }
+}
+
+static const rt_hit rtt_miss = { INFINITY, 0, 0, RT_NONE, RT_NONE };
+
+static rt_hit rtt_closest(const rtt_model *model, const rt_ray *ray)
+{
+    rt_hit best = rtt_miss;
+
+    rtt_search(model, ray, RT_NONE, 0, &best);
+    return best;
+}
+
+/* What RT_ANY answers where RT_CLOSEST answers closest. */
+static rt_hit rtt_any(rt_hit closest)
+{
+    rt_hit any = { 0, 0, 0, 0, RT_NONE };
+
+    return closest.prim == RT_NONE ? closest : any;
+}
+
+/* ---- >>rays --------------------------------------------------------------------------------------------------------- */
+
+typedef struct { rt_ray *ray; size_t count; } rtt_rays;
+
+static void rtt_rays_free(rtt_rays *rays)
+{
+    free(rays->ray);
+    memset(rays, 0, sizeof *rays);
+}
+
+static void rtt_segment(rtt_rays *rays, rt_vec3 org, rt_vec3 dir, float tmin, float tmax)
+{
+    rt_ray *ray;
+
+    rays->ray = (rt_ray *)rtt_grow(rays->ray, rays->count, sizeof(rt_ray));
+    ray = &rays->ray[rays->count++];
+    ray->org = org, ray->dir = dir;
+    ray->tmin = tmin, ray->tmax = tmax;
+}
+
+static void rtt_aim(rtt_rays *rays, rt_vec3 org, rt_vec3 target) { rtt_segment(rays, org, rtt_sub(target, org), 0, INFINITY); }
+
+/* No two neighbours alike, around the cube of half width size: from near and far, along axes, and finite segments. */
+static void rtt_rays_mixed(rtt_rays *rays, rtt_random *random, rt_vec3 center, float size, size_t count)
+{
+    for (size_t i = 0; i < count; i++) {
+        rt_vec3 from = rtt_point(random, center, 2 * size), to = rtt_point(random, center, size);
+
+        switch (i % 4) {
+        case 0: rtt_aim(rays, from, to); break;
+        case 1: rtt_aim(rays, rtt_point(random, center, 64 * size), to); break;
+        case 2: rtt_segment(rays, from, rtt_axis(rtt_below(random, 6)), -size, INFINITY); break;
+        default: rtt_segment(rays, from, rtt_sub(to, from), 0, 1); break;
+        }
+    }
+}
+
+/* What a camera at eye sends through a square of half width size in the z plane of center: width * width neighbours. */
+static void rtt_rays_pinhole(rtt_rays *rays, rt_vec3 eye, rt_vec3 center, float size, int width)
+{
+    for (int y = 0; y < width; y++)
+        for (int x = 0; x < width; x++) {
+            rt_vec3 p = rtt_v((float)(2 * x + 1 - width), (float)(2 * y + 1 - width), 0);
+
+            rtt_aim(rays, eye, rtt_add(center, rtt_mul(p, rtt_f(size / (float)width))));
+        }
+}
+
+static rt_vec3 rtt_transform(const float m[12], rt_vec3 p)
+{
+    float out[3];
+
+    for (int k = 0; k < 3; k++) {
+        const float *row = m + 4 * k;
+
+        out[k] = rtt_f(rtt_f(rtt_f(rtt_f(row[0] * p.x) + rtt_f(row[1] * p.y)) + rtt_f(row[2] * p.z)) + row[3]);
+    }
+    return rtt_v(out[0], out[1], out[2]);
+}
+
+/* Somewhere that rays get lost: a corner, a point of an edge, the inside of a triangle, the extreme of a sphere; of an instance too. */
+static rt_vec3 rtt_feature(const rtt_model *model, rtt_random *random)
+{
+    size_t prims = model->triangle_count + model->sphere_count, pick;
+    rt_vec3 p, q;
+
+    if (prims + model->instance_count == 0)
+        return rtt_origin;
+    if (model->instance_count && (!prims || rtt_bits(random) & 1)) {
+        pick = rtt_below(random, (uint32_t)model->instance_count);
+        return rtt_transform(model->instances[pick].transform, rtt_feature(model->children[pick], random));
+    }
+    pick = rtt_below(random, (uint32_t)prims);
+    if (pick >= model->triangle_count) {
+        const rt_sphere *sphere = &model->spheres[pick - model->triangle_count];
+
+        return rtt_add(sphere->center, rtt_mul(rtt_axis(rtt_below(random, 6)), sphere->radius));
+    }
+    p = rtt_corner(model, pick, rtt_below(random, 3));
+    for (uint32_t blends = rtt_below(random, 3); blends > 0; blends--) {
+        q = rtt_corner(model, pick, rtt_below(random, 3));
+        p = rtt_add(rtt_mul(p, 0.5f), rtt_mul(q, 0.5f));
+    }
+    return p;
+}
+
+/* At features, from origins about distance away, and along axes. */
+static void rtt_rays_features(rtt_rays *rays, rtt_random *random, const rtt_model *model, float distance, size_t count)
+{
+    for (size_t i = 0; i < count; i++) {
+        rt_vec3 target = rtt_feature(model, random), axis = rtt_axis(rtt_below(random, 6));
+
+        if (i % 2)
+            rtt_aim(rays, rtt_point(random, target, distance), target);
+        else
+            rtt_segment(rays, rtt_sub(target, rtt_mul(axis, distance)), axis, 0, INFINITY);
+    }
+}
+
+/* For some rays that hit, the same with an interval that ends or starts on the hit, and just beside it. */
+static void rtt_rays_tighten(rtt_rays *rays, const rtt_model *model, size_t count)
+{
+    size_t given = rays->count, step = given / (count ? count : 1) + 1;
+
+    for (size_t i = 0; i < given; i += step) {
+        rt_ray ray = rays->ray[i];
+        float t = rtt_closest(model, &ray).t;
+
+        if (!isfinite(t))
+            continue;
+        rtt_segment(rays, ray.org, ray.dir, ray.tmin, t);
+        rtt_segment(rays, ray.org, ray.dir, ray.tmin, nextafterf(t, INFINITY));
+        rtt_segment(rays, ray.org, ray.dir, t, ray.tmax);
+        rtt_segment(rays, ray.org, ray.dir, nextafterf(t, -INFINITY), ray.tmax);
+    }
+}
+
+/* ---- >>compare: every way to trace against the oracle --------------------------------------------------------------- */
+
+/* One setting of the query options; the table holds all that this build and processor take. */
+typedef struct {
+    rt_trace_options options;
+    rt_structure structure;                 /* RT_STRUCTURE_COUNT: any */
+    char label[64];
+} rtt_way;
+
+static rtt_way rtt_ways[512];
+static size_t rtt_way_count;
+
+#define RTT_NAME(name, text) text,
+static const char *const rtt_isa_names[] = { RT_ISA_LIST(RTT_NAME) };
+static const char *const rtt_cull_names[] = { RT_CULL_LIST(RTT_NAME) };
+static const char *const rtt_structure_names[] = { RT_STRUCTURE_LIST(RTT_NAME) };
+
+/* Has any algorithm of it been built? */
+static bool rtt_structure_built(rt_structure structure)
+{
+    const rt_algorithm_info *info;
+
+    for (size_t i = 0; (info = rt_algorithm_get(i)) != NULL; i++)
+        if (info->structure == structure && info->built)
+            return true;
+    return false;
+}
+
+/* Adds the way unless the library, asked with no rays on an empty accel, says that it cannot go it; with the automatic ISA and no
+   culling it must. */
+static void rtt_way_add(rt_accel *const *empty, const rt_algorithm_info *info, int width, rt_isa isa, rt_cull cull)
+{
+    for (int query = RT_CLOSEST; query <= RT_ANY; query++) {
+        rtt_way *way = &rtt_ways[rtt_way_count];
+        rt_status status;
+
+        if (rtt_way_count == RTT_COUNT(rtt_ways))
+            rtt_die("too many ways to trace");
+        memset(way, 0, sizeof *way);
+        way->structure = info->structure;
+        way->options.algorithm = info->algorithm;
+        way->options.packet_width = width;
+        way->options.isa = isa;
+        way->options.cull = cull;
+        way->options.query = (rt_query)query;
+        snprintf(way->label, sizeof way->label, "%s/%d/%s/%s/%s", info->name, width, rtt_isa_names[isa], rtt_cull_names[cull],
+                 query == RT_ANY ? "any" : "closest");
+        status = rt_trace(empty[info->structure == RT_STRUCTURE_COUNT ? RT_BVH : info->structure], &way->options, NULL, 0, NULL);
+        if (status == RT_OK)
+            rtt_way_count++;
+        else if (isa == RT_ISA_AUTO && cull == RT_CULL_NONE)
+            rtt_fail("%s: %s", way->label, rt_status_string(status));
+    }
+}
+
+static void rtt_ways_find(void)
+{
+    rt_accel *empty[RT_STRUCTURE_COUNT] = { NULL };
+    const rt_algorithm_info *info;
+    rt_geometry nothing;
+
+    memset(&nothing, 0, sizeof nothing);
+    for (int s = 0; s < RT_STRUCTURE_COUNT; s++)
+        if (rtt_structure_built((rt_structure)s)) {
+            rt_build_options options;
+
+            memset(&options, 0, sizeof options);
+            options.structure = (rt_structure)s;
+            CHECK_STATUS(rt_build(&empty[s], &nothing, &options), RT_OK);
+        }
+    for (size_t i = 0; (info = rt_algorithm_get(i)) != NULL; i++) {
+        int widths[64];
+        size_t count = rt_packet_widths(info->algorithm, widths, RTT_COUNT(widths));
+
+        if (!info->built)
+            continue;
+        for (int isa = 0; isa < RT_ISA_COUNT; isa++)
+            for (int cull = 0; cull < RT_CULL_COUNT && isa != (int)rt_best_isa(); cull++) {        /* the best is what auto picks */
+                if (isa == RT_ISA_AUTO)
+                    rtt_way_add(empty, info, 0, RT_ISA_AUTO, (rt_cull)cull);
+                for (size_t w = 0; w < count && w < RTT_COUNT(widths); w++)
+                    rtt_way_add(empty, info, widths[w], (rt_isa)isa, (rt_cull)cull);
+            }
+    }
+    for (int s = 0; s < RT_STRUCTURE_COUNT; s++)
+        rt_free(empty[s]);
+}
+
+static bool rtt_same(rt_hit a, rt_hit b) { return memcmp(&a, &b, sizeof a) == 0; }
+
+/* Compares what one way answers with what is expected. The first ray that differs is told in hexadecimal, if told at all. */
+static bool rtt_compare(const char *what, const char *way, const rtt_rays *rays, const rt_hit *got, const rt_hit *want, bool any, bool tell)
+{
+    for (size_t i = 0; i < rays->count; i++) {
+        rt_hit expected = any ? rtt_any(want[i]) : want[i];
+        const rt_ray *r = &rays->ray[i];
+
+        if (rtt_same(got[i], expected))
+            continue;
+        if (tell)
+            rtt_fail("%s, %s, ray %zu of %zu: org {%a,%a,%a} tmin %a dir {%a,%a,%a} tmax %a\n"
+                     "        got      t %a u %a v %a prim %u inst %u\n        expected t %a u %a v %a prim %u inst %u",
+                     what, way, i, rays->count, (double)r->org.x, (double)r->org.y, (double)r->org.z, (double)r->tmin, (double)r->dir.x,
+                     (double)r->dir.y, (double)r->dir.z, (double)r->tmax, (double)got[i].t, (double)got[i].u, (double)got[i].v, got[i].prim,
+                     got[i].inst, (double)expected.t, (double)expected.u, (double)expected.v, expected.prim, expected.inst);
+        return false;
+    }
+    return true;
+}
+
+/* Traces rays every way that suits accel's structure and compares with want. */
+static void rtt_compare_all(const char *what, const rt_accel *accel, const rtt_rays *rays, const rt_hit *want)
+{
+    rt_hit *got = (rt_hit *)rtt_array(rays->count, sizeof *got);
+    size_t calls = rtt_heap.calls, wrong = 0;
+    rt_info info;
+
+    rt_get_info(accel, &info);
+    for (size_t w = 0; w < rtt_way_count; w++) {
+        const rtt_way *way = &rtt_ways[w];
+
+        if (way->structure != RT_STRUCTURE_COUNT && way->structure != info.structure)
+            continue;
+        memset(got, 0xcc, rays->count * sizeof *got);
+        CHECK_STATUS(rt_trace(accel, &way->options, rays->ray, rays->count, got), RT_OK);
+        wrong += !rtt_compare(what, way->label, rays, got, want, way->options.query == RT_ANY, wrong == 0);
+    }
+    if (wrong)
+        rtt_fail("%s: %zu ways to trace are wrong", what, wrong);
+    for (size_t i = 0; i < rays->count; i++) {
+        memset(&got[i], 0xcc, sizeof got[i]);
+        if (rt_intersect(accel, &rays->ray[i], &got[i]) != (want[i].prim != RT_NONE))
+            rtt_fail("%s: rt_intersect's answer for ray %zu", what, i);
+        if (rt_occluded(accel, &rays->ray[i]) != (want[i].prim != RT_NONE))
+            rtt_fail("%s: rt_occluded's answer for ray %zu", what, i);
+    }
+    rtt_compare(what, "rt_intersect", rays, got, want, false, wrong == 0);
+    CHECK(rtt_heap.calls == calls);         /* a query allocates nothing */
+    free(got);
+}
+
+/* The tree's own invariants, then what rt_get_info says of it. */
+static void rtt_check_accel(const char *what, const rt_accel *accel, const rt_geometry *geometry)
+{
+    size_t prims = geometry->triangle_count + geometry->sphere_count + geometry->instance_count;
+    rt_info info;
+
+    if (!rti_validate(accel))
+        rtt_fail("%s: rti_validate", what);
+    rt_get_info(accel, &info);
+    if (info.triangles != geometry->triangle_count || info.spheres != geometry->sphere_count || info.instances != geometry->instance_count)
+        rtt_fail("%s: rt_info counts", what);
+    if (info.leaves > info.nodes || info.nodes > 2 * prims + 1 || info.max_leaf > prims || info.depth < 0 || info.depth > RTI_MAX_DEPTH
+        || !(info.sah >= 0))
+        rtt_fail("%s: rt_info: %zu nodes, %zu leaves, leaf of %zu, depth %d, sah %g", what, info.nodes, info.leaves, info.max_leaf,
+                 info.depth, info.sah);
+    if ((prims == info.skipped) != (info.lower.x > info.upper.x))
+        rtt_fail("%s: rt_info bounds", what);
+}
+
+/* The whole promise for one model and its rays: oracle, checksum, then every structure, way of building and way of tracing. */
+static void rtt_check(const char *what, const rtt_model *model, const rtt_rays *rays)
+{
+    static const struct { rt_quality quality; bool reference; } builds[] = {
+        { RT_BUILD_DEFAULT, false }, { RT_BUILD_FAST, true }, { RT_BUILD_HIGH, false }
+    };
+    rt_hit *want = (rt_hit *)rtt_array(rays->count, sizeof *want);
+    rt_geometry geometry = rtt_geometry(model);
+    rt_build_options options;
+    rt_accel *accel;
+    rt_error error;
+
+    for (size_t i = 0; i < rays->count; i++) {
+        uint32_t words[5];
+
+        want[i] = rtt_closest(model, &rays->ray[i]);
+        memcpy(words, &want[i], sizeof words);
+        for (size_t k = 0; k < 5; k++)
+            rtt.checksum = rtt_mix(rtt.checksum, words[k]);
+    }
+    rtt.cases++;
+    rtt.rays += rays->count;
+    for (size_t b = 0; b < RTT_COUNT(builds) * RT_STRUCTURE_COUNT; b++) {
+        memset(&options, 0, sizeof options);
+        options.structure = (rt_structure)(b / RTT_COUNT(builds));
+        options.quality = builds[b % RTT_COUNT(builds)].quality;
+        options.reference = builds[b % RTT_COUNT(builds)].reference;
+        options.skip_invalid = model->skip_invalid;
+        options.error = &error;
+        if (!rtt_structure_built(options.structure))
+            continue;
+        error.message[0] = 0;
+        if (rt_build(&accel, &geometry, &options) != RT_OK) {
+            rtt_fail("%s: %s does not build: %s", what, rtt_structure_names[options.structure], error.message);
+            continue;
+        }
+        rtt_check_accel(what, accel, &geometry);
+        rtt_compare_all(what, accel, rays, want);
+        rt_free(accel);
+    }
+    free(want);
+}
+
+/* How many of the rays hit: for tests that must not pass by missing everything. */
+static size_t rtt_hits(const rtt_model *model, const rtt_rays *rays)
+{
+    size_t hits = 0;
+
+    for (size_t i = 0; i < rays->count; i++)
+        hits += rtt_closest(model, &rays->ray[i]).prim != RT_NONE;
+    return hits;
+}
+
+/* ---- >>shapes: meshes without a hole, and clouds -------------------------------------------------------------------- */
+
+static rt_vec3 rtt_to(rt_vec3 p, float scale, rt_vec3 offset) { return rtt_add(rtt_mul(p, scale), offset); }
+
+/* The surface of the cube [-scale, scale]^3 + offset, n x n squares a face, all corners shared; round: drawn onto the sphere. */
+static void rtt_cube(rtt_model *model, int n, bool round, float scale, rt_vec3 offset)
+{
+    size_t side = (size_t)n + 1;
+    uint32_t *id = (uint32_t *)rtt_array(side * side * side, sizeof *id);
+
+    for (size_t i = 0; i < side * side * side; i++) {
+        int x = (int)(i % side), y = (int)(i / side % side), z = (int)(i / side / side);
+        double p[3] = { 2 * x - n, 2 * y - n, 2 * z - n }, length = n;
+
+        if (x % n && y % n && z % n)
+            continue;
+        if (round)
+            length = rtt_d(sqrt(rtt_dot(p, p)));
+        id[i] = rtt_vertex(model, rtt_to(rtt_v((float)rtt_d(p[0] / length), (float)rtt_d(p[1] / length), (float)rtt_d(p[2] / length)),
+                                         scale, offset));
+    }
+    for (size_t face = 0; face < 6; face++)
+        for (size_t a = 0; a < side - 1; a++)
+            for (size_t b = 0; b < side - 1; b++) {
+                size_t step[3] = { 1, side, side * side };
+                size_t u = step[(face + 1) % 3], v = step[(face + 2) % 3];
+                size_t at = (face < 3 ? 0 : step[face % 3] * (side - 1)) + a * u + b * v;
+
+                rtt_triangle(model, id[at], id[at + u], id[at + u + v]);
+                rtt_triangle(model, id[at], id[at + u + v], id[at + v]);
+            }
+    free(id);
+}
+
+/* Point i of 4 q on the unit circle, from its rational parametrisation. */
+static void rtt_circle(int i, int q, double *c, double *s)
+{
+    double t = rtt_d((double)(i % q) / q), w = rtt_d(1 + rtt_d(t * t)), x = rtt_d(rtt_d(1 - rtt_d(t * t)) / w), y = rtt_d(rtt_d(2 * t) / w);
+    int quarter = i / q % 4;
+
+    *c = quarter == 0 ? x : quarter == 1 ? -y : quarter == 2 ? -x : y;
+    *s = quarter == 0 ? y : quarter == 1 ? x : quarter == 2 ? -y : -x;
+}
+
+/* Around the z axis: middle circle of radius 2, tube of radius 1; 4 q by 4 q squares. */
+static void rtt_torus(rtt_model *model, int q, float scale, rt_vec3 offset)
+{
+    uint32_t n = 4 * (uint32_t)q, first = (uint32_t)model->vertex_count;
+
+    for (uint32_t i = 0; i < n; i++)
+        for (uint32_t j = 0; j < n; j++) {
+            double c1, s1, c2, s2;
+
+            rtt_circle((int)i, q, &c1, &s1);
+            rtt_circle((int)j, q, &c2, &s2);
+            c2 = rtt_d(2 + c2);
+            rtt_vertex(model, rtt_to(rtt_v((float)rtt_d(c2 * c1), (float)rtt_d(c2 * s1), (float)s2), scale, offset));
+        }
+    for (uint32_t i = 0; i < n; i++)
+        for (uint32_t j = 0; j < n; j++) {
+            uint32_t a = first + i * n + j, b = first + (i + 1) % n * n + j, c = first + (i + 1) % n * n + (j + 1) % n,
+                     d = first + i * n + (j + 1) % n;
+
+            rtt_triangle(model, a, b, c);
+            rtt_triangle(model, a, c, d);
+        }
+}
+
+/* Triangles of about the given extent, strewn in the cube of half width size. */
+static void rtt_cloud(rtt_model *model, rtt_random *random, size_t count, rt_vec3 center, float size, float extent)
+{
+    for (size_t i = 0; i < count; i++) {
+        rt_vec3 p = rtt_point(random, center, size), a = rtt_point(random, p, extent), b = rtt_point(random, p, extent);
+
+        rtt_face(model, p, a, b);
+    }
+}
+
+static void rtt_balls(rtt_model *model, rtt_random *random, size_t count, rt_vec3 center, float size, float extent)
+{
+    for (size_t i = 0; i < count; i++) {
+        rt_vec3 p = rtt_point(random, center, size);
+
+        rtt_ball(model, p, fabsf(rtt_f(extent * rtt_signed(random))));
+    }
+}
+
+/* ---- >>hits: well-behaved geometry against the oracle ---------------------------------------------------------------- */
+
+/* The oracle itself, on cases worked out by hand. */
+static void rtt_test_oracle(void)
+{
+    rtt_model model = { 0 };
+    rt_ray down = { { 0.25f, 0.5f, 3 }, 0, { 0, 0, -2 }, INFINITY }, along = { { -5, 0, 0 }, 0, { 1, 0, 0 }, INFINITY };
+    rt_ray inside = { { 8, 0, 0 }, 0, { 1, 0, 0 }, INFINITY };
+    rt_hit want = { 1.5f, 0.25f, 0.5f, 0, RT_NONE }, wall = { 12, 0, 0, 1, RT_NONE }, back = { 1, 0, 0, 1, RT_NONE };
+    rt_hit instanced = { 0.5f, 0.25f, 0.5f, 0, 0 };
+    rtt_model world = { 0 };
+
+    rtt_face(&model, rtt_v(0, 0, 0), rtt_v(1, 0, 0), rtt_v(0, 1, 0));
+    rtt_ball(&model, rtt_v(8, 0, 0), 1);
+    CHECK(rtt_same(rtt_closest(&model, &down), want));
+    CHECK(rtt_same(rtt_closest(&model, &along), wall));
+    CHECK(rtt_same(rtt_closest(&model, &inside), back));
+    down.tmax = 1.5f;
+    CHECK(rtt_same(rtt_closest(&model, &down), rtt_miss));
+    down.tmax = 2;
+    rtt_place(&world, &model, rtt_v(1, 1, 1), rtt_v(0, 0, 2));
+    CHECK(rtt_same(rtt_closest(&world, &down), instanced));
+    CHECK(rtt_paths(&world) == 1 && rtt_same(rtt_any(instanced), (rt_hit){ 0, 0, 0, 0, RT_NONE }));
+    rtt_model_free(&world);
+    rtt_model_free(&model);
+}
+
+static void rtt_test_empty(void)
+{
+    rtt_model nothing = { 0 };
+    rtt_random random = rtt_stream();
+    rtt_rays rays = { 0 };
+    rt_geometry geometry = rtt_geometry(&nothing);
+    rt_accel *accel;
+    rt_info info;
+
+    rtt_rays_mixed(&rays, &random, rtt_origin, 1, 40);
+    rtt_check("empty", &nothing, &rays);
+    CHECK_STATUS(rt_build(&accel, &geometry, NULL), RT_OK);
+    rt_get_info(accel, &info);
+    CHECK(info.lower.x > info.upper.x && info.lower.y > info.upper.y && info.lower.z > info.upper.z);
+    CHECK_STATUS(rt_refit(accel, &geometry), RT_OK);
+    rt_free(accel);
+    rt_free(NULL);
+    rtt_rays_free(&rays);
+}
+
+static void rtt_test_few(void)
+{
+    rtt_random random = rtt_stream();
+
+    for (size_t n = 1; n <= 9; n++)
+        for (size_t kind = 0; kind < 3; kind++) {
+            rtt_model model = { 0 };
+            rtt_rays rays = { 0 };
+
+            if (kind != 1)
+                rtt_cloud(&model, &random, n, rtt_origin, 1, 2);
+            if (kind != 0)
+                rtt_balls(&model, &random, n, rtt_origin, 1, 0.7f);
+            rtt_rays_mixed(&rays, &random, rtt_origin, 1.5f, 60);
+            rtt_rays_features(&rays, &random, &model, 3, 60);
+            rtt_rays_tighten(&rays, &model, 20);
+            rtt_check("few", &model, &rays);
+            rtt_model_free(&model);
+            rtt_rays_free(&rays);
+        }
+}
+
+static void rtt_test_random(void)
+{
+    static const struct { size_t count; float size, extent; } clouds[] = {
+        { 20, 1, 1 }, { 200, 1, 0.1f }, { 200, 1, 2 }, { 1500, 100, 5 }, { 700, 1e-6f, 1e-6f }, { 700, 1e6f, 1e5f }
+    };
+    rtt_random random = rtt_stream();
+
+    for (size_t i = 0; i < RTT_COUNT(clouds); i++) {
+        rtt_model model = { 0 };
+        rtt_rays rays = { 0 };
+        float size = clouds[i].size;
+
+        rtt_cloud(&model, &random, clouds[i].count, rtt_origin, size, clouds[i].extent);
+        rtt_rays_mixed(&rays, &random, rtt_origin, size, 400);
+        rtt_rays_pinhole(&rays, rtt_v(0, 0, -4 * size), rtt_origin, size, 16);
+        rtt_rays_features(&rays, &random, &model, 2 * size, 300);
+        rtt_rays_tighten(&rays, &model, 100);
+        CHECK(rtt_hits(&model, &rays) > rays.count / 8);
+        rtt_check("cloud", &model, &rays);
+        rtt_model_free(&model);
+        rtt_rays_free(&rays);
+    }
+}
+
+/* Boxes that a ray must not miss by rounding although the triangle test, which rounds too, finds the triangle: small things seen
+   from afar, on their outlines. */
+static void rtt_test_far(void)
+{
+    rtt_random random = rtt_stream();
+
+    for (int exponent = 0; exponent <= 40; exponent += 4) {
+        rtt_model model = { 0 };
+        rtt_rays rays = { 0 };
+        rt_vec3 center = rtt_point(&random, rtt_origin, 4);
+
+        rtt_cloud(&model, &random, 60, center, 1, 0.02f);
+        rtt_balls(&model, &random, 20, center, 1, 0.02f);
+        rtt_quad(&model, rtt_add(center, rtt_v(2, 0, 0)), rtt_v(0, 1, 0), rtt_v(0, 0, 1));
+        rtt_rays_features(&rays, &random, &model, ldexpf(1, exponent), 500);
+        rtt_check("far", &model, &rays);
+        rtt_model_free(&model);
+        rtt_rays_free(&rays);
+    }
+}
+
+/* A grid of squares and a lattice of cubes on whole numbers; rays through corners, along edges, and in the planes of faces and boxes. */
+static void rtt_test_grid(void)
+{
+    rtt_random random = rtt_stream();
+
+    for (unsigned kind = 0; kind < 4; kind++) {
+        rtt_model model = { 0 };
+        rtt_rays rays = { 0 };
+        rt_vec3 u = rtt_axis(2 * kind % 6), v = rtt_axis((2 * kind + 2) % 6);
+
+        for (int i = 0; i < 5; i++)
+            for (int j = 0; j < 5; j++)
+                if (kind < 3)
+                    rtt_quad(&model, rtt_add(rtt_mul(u, (float)i), rtt_mul(v, (float)j)), u, v);
+                else
+                    rtt_cube(&model, 2, false, 0.5f, rtt_v(0.5f + (float)i, 0.5f, 0.5f + (float)j));
+        for (unsigned axis = 0; axis < 6; axis++)
+            for (int i = -1; i <= 11; i++)
+                for (int j = -1; j <= 11; j++) {
+                    rt_vec3 p = rtt_mul(rtt_axis((axis + 2) % 6), 0.5f * (float)i), q = rtt_mul(rtt_axis((axis + 4) % 6), 0.5f * (float)j);
+
+                    p = rtt_v(fabsf(p.x + q.x), fabsf(p.y + q.y), fabsf(p.z + q.z));
+                    rtt_segment(&rays, rtt_add(p, rtt_mul(rtt_axis(axis), -9)), rtt_axis(axis), 0, INFINITY);
+                }
+        for (int i = 0; i < 300; i++) {     /* diagonals from and through lattice points */
+            rt_vec3 dir = rtt_v((float)rtt_below(&random, 3) - 1, (float)rtt_below(&random, 3) - 1, (float)rtt_below(&random, 3) - 1);
+            rt_vec3 p = rtt_v((float)rtt_below(&random, 6), (float)rtt_below(&random, 6), (float)rtt_below(&random, 6));
+
+            rtt_segment(&rays, i % 2 ? p : rtt_sub(p, rtt_mul(dir, 8)), dir, i % 3 ? 0 : -100, INFINITY);
+        }
+        rtt_rays_tighten(&rays, &model, 100);
+        rtt_check("grid", &model, &rays);
+        rtt_model_free(&model);
+        rtt_rays_free(&rays);
+    }
+}
+
+/* Overlapping triangles in one tilted plane: t differs only by rounding, so a box must not be dropped for being no nearer. */
+static void rtt_test_coplanar(void)
+{
+    rtt_random random = rtt_stream();
+
+    for (int kind = 0; kind < 4; kind++) {
+        rtt_model model = { 0 };
+        rtt_rays rays = { 0 };
+        rt_vec3 u = kind == 0 ? rtt_v(1, 0, 0) : rtt_point(&random, rtt_origin, 1);
+        rt_vec3 v = kind == 0 ? rtt_v(0, 1, 0) : rtt_point(&random, rtt_origin, 1);
+
+        for (int i = 0; i < 200; i++) {
+            rt_vec3 corner[3];
+
+            for (int k = 0; k < 3; k++)
+                corner[k] = rtt_add(rtt_mul(u, rtt_signed(&random)), rtt_mul(v, rtt_signed(&random)));
+            rtt_face(&model, corner[0], corner[1], corner[2]);
+        }
+        rtt_rays_mixed(&rays, &random, rtt_origin, 1, 200);
+        for (int e = 0; e <= 24; e += 8)
+            rtt_rays_features(&rays, &random, &model, ldexpf(1, e), 100);
+        rtt_check("coplanar", &model, &rays);
+        rtt_model_free(&model);
+        rtt_rays_free(&rays);
+    }
+}
+
+static void rtt_test_spheres(void)
+{
+    static const struct { size_t count; float size, extent; } sets[] = {
+        { 40, 1, 0.5f }, { 500, 10, 0.5f }, { 100, 1e-3f, 1e-6f }, { 60, 1, 1e6f }, { 60, 1e6f, 1 }, { 100, 1e9f, 1e9f }
+    };
+    rtt_random random = rtt_stream();
+
+    for (size_t i = 0; i < RTT_COUNT(sets); i++) {
+        rtt_model model = { 0 };
+        rtt_rays rays = { 0 };
+
+        rtt_balls(&model, &random, sets[i].count, rtt_origin, sets[i].size, sets[i].extent);
+        rtt_rays_mixed(&rays, &random, rtt_origin, sets[i].size, 300);
+        rtt_rays_pinhole(&rays, rtt_v(0, 0, -4 * sets[i].size), rtt_origin, sets[i].size, 12);
+        rtt_rays_features(&rays, &random, &model, 2 * sets[i].size, 200);
+        rtt_rays_features(&rays, &random, &model, 1e4f * sets[i].size, 200);
+        rtt_rays_tighten(&rays, &model, 100);
+        rtt_check("spheres", &model, &rays);
+        rtt_model_free(&model);
+        rtt_rays_free(&rays);
+    }
+}
+
+/* Radius 0, tangents, origins at the centre and on the wall, the huge seen from beside it, shells around one centre. */
+static void rtt_test_sphere_cases(void)
+{
+    static const float radii[] = { 0, 1e-30f, 1e-10f, 1, 1e5f, 1e10f, 9e17f };
+    rtt_random random = rtt_stream();
+
+    for (size_t i = 0; i < RTT_COUNT(radii); i++)
+        for (int at = 0; at < 3; at++) {
+            rtt_model model = { 0 };
+            rtt_rays rays = { 0 };
+            float r = radii[i], reach = r > 0 ? r : 1;
+            rt_vec3 center = at == 0 ? rtt_origin : rtt_point(&random, rtt_origin, at == 1 ? reach : 1e17f);
+
+            if (r > 1e17f)
+                center = rtt_mul(center, 0.01f);
+            rtt_ball(&model, center, r);
+            rtt_ball(&model, center, r);
+            rtt_ball(&model, center, 0.5f * r);
+            for (unsigned a = 0; a < 6; a++) {
+                rt_vec3 axis = rtt_axis(a), side = rtt_axis((a + 2) % 6), wall = rtt_add(center, rtt_mul(axis, r));
+
+                rtt_segment(&rays, center, axis, 0, INFINITY);
+                rtt_segment(&rays, wall, axis, 0, INFINITY);
+                rtt_segment(&rays, wall, rtt_mul(axis, -1), 0, INFINITY);
+                rtt_segment(&rays, wall, side, 0, INFINITY);
+                rtt_segment(&rays, wall, side, -reach, INFINITY);
+                rtt_segment(&rays, rtt_sub(wall, rtt_mul(side, reach)), side, 0, INFINITY);
+                rtt_segment(&rays, rtt_sub(center, rtt_mul(axis, reach)), axis, 0, INFINITY);
+                rtt_segment(&rays, rtt_add(wall, axis), rtt_mul(axis, -1e-10f), 0, INFINITY);
+                rtt_segment(&rays, rtt_add(wall, axis), rtt_mul(axis, -1e10f), 0, INFINITY);
+            }
+            rtt_rays_features(&rays, &random, &model, reach, 40);
+            rtt_rays_features(&rays, &random, &model, r < 1e10f ? 1e6f * reach : reach, 40);
+            rtt_rays_tighten(&rays, &model, 40);
+            rtt_check("sphere", &model, &rays);
+            rtt_model_free(&model);
+            rtt_rays_free(&rays);
+        }
+}
+
+static void rtt_test_mixed(void)
+{
+    rtt_random random = rtt_stream();
+
+    for (int i = 0; i < 4; i++) {
+        rtt_model model = { 0 }, child = { 0 };
+        rtt_rays rays = { 0 };
+
+        rtt_cloud(&child, &random, 30, rtt_origin, 0.5f, 0.3f);
+        rtt_cloud(&model, &random, 300, rtt_origin, 1, 0.2f);
+        rtt_balls(&model, &random, 100, rtt_origin, 1, 0.1f);
+        for (int k = 0; i % 2 && k < 20; k++)
+            rtt_place(&model, &child, rtt_mul(rtt_v(1, 1, 1), 0.3f), rtt_point(&random, rtt_origin, 1));
+        rtt_rays_mixed(&rays, &random, rtt_origin, 1, 300);
+        rtt_rays_pinhole(&rays, rtt_v(0.5f, 0, -3), rtt_origin, 1, 20);
+        rtt_rays_features(&rays, &random, &model, 3, 200);
+        rtt_rays_tighten(&rays, &model, 100);
+        rtt_check("mixed", &model, &rays);
+        rtt_model_free(&model);
+        rtt_model_free(&child);
+        rtt_rays_free(&rays);
+    }
+}
+
+/* Equal t: the lower inst wins, then the lower prim; own primitives (inst RT_NONE) come last. */
+static void rtt_test_ties(void)
+{
+    rtt_random random = rtt_stream();
+    rtt_model child = { 0 }, world = { 0 };
+    rtt_rays rays = { 0 };
+    float identity[12] = { 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0 };
+    rt_hit hit;
+
+    for (int i = 0; i < 12; i++)
+        rtt_quad(&child, rtt_v(-1, -1, 0), rtt_v(2, 0, 0), rtt_v(0, 2, 0));
+    for (int i = 0; i < 12; i++)
+        rtt_ball(&child, rtt_v(5, 0, 0), 1);
+    rtt_rays_features(&rays, &random, &child, 4, 200);
+    rtt_rays_pinhole(&rays, rtt_v(0, 0, -4), rtt_origin, 1, 10);
+    hit = rtt_closest(&child, &rays.ray[rays.count - 1]);
+    CHECK(hit.prim == 0 || hit.prim == 1);
+    rtt_check("ties of prims", &child, &rays);
+    rtt_quad(&world, rtt_v(-1, -1, 0), rtt_v(2, 0, 0), rtt_v(0, 2, 0));
+    for (int i = 0; i < 9; i++)
+        rtt_instance(&world, &child, identity);
+    CHECK(rtt_closest(&world, &rays.ray[rays.count - 1]).inst == 0);
+    rtt_check("ties of instances", &world, &rays);
+    rtt_model_free(&world);
+    rtt_model_free(&child);
+    rtt_rays_free(&rays);
+}
+
+/* ---- >>instances ---------------------------------------------------------------------------------------------------- */
+
+/* Fills a 3x4 matrix: a random, well-conditioned 3x3 times scale, and the translation. */
+static void rtt_matrix(rtt_random *random, float scale, rt_vec3 offset, float matrix[12])
+{
+    float inverse[12];
+
+    do {
+        for (int i = 0; i < 12; i++)
+            matrix[i] = rtt_f(scale * rtt_signed(random));
+        matrix[3] = offset.x, matrix[7] = offset.y, matrix[11] = offset.z;
+        if (rtt_invert(matrix, inverse)) {
+            float worst = 0;
+
+            for (int i = 0; i < 12; i++)
+                if (i % 4 != 3 && fabsf(inverse[i]) > worst)
+                    worst = fabsf(inverse[i]);
+            if (worst < rtt_f(4 / scale))
+                return;
+        }
+    } while (true);
+}
+
+/* Shears, reflections, rotations; scales from 1e-5 to 1e5; children near and 2^17 radii off; the same child many times. */
+static void rtt_test_instances(void)
+{
+    static const float scales[] = { 1e-5f, 1e-3f, 0.5f, 1, 300, 1e5f };
+    rtt_random random = rtt_stream();
+
+    for (size_t s = 0; s < RTT_COUNT(scales); s++)
+        for (int far = 0; far < 2; far++) {
+            rtt_model child = { 0 }, world = { 0 };
+            rtt_rays rays = { 0 };
+            float matrix[12], size = rtt_f(3 * scales[s]);
+            rt_vec3 center = far ? rtt_point(&random, rtt_origin, rtt_f(131072 * scales[s])) : rtt_origin;
+
+            rtt_cloud(&child, &random, 40, rtt_origin, 1, 0.4f);
+            rtt_balls(&child, &random, 10, rtt_origin, 1, 0.2f);
+            for (int i = 0; i < 12; i++) {
+                rtt_matrix(&random, scales[s], rtt_point(&random, center, size), matrix);
+                rtt_instance(&world, &child, matrix);
+            }
+            rtt_place(&world, &child, rtt_mul(rtt_v(-1, 1, 1), scales[s]), center);
+            rtt_rays_mixed(&rays, &random, center, size, 200);
+            rtt_rays_features(&rays, &random, &world, size, 200);
+            rtt_rays_features(&rays, &random, &world, 1e3f * size, 200);
+            rtt_rays_pinhole(&rays, rtt_add(center, rtt_v(0, 0, -4 * size)), center, size, 12);
+            rtt_rays_tighten(&rays, &world, 50);
+            rtt_check(far ? "instances far off" : "instances", &world, &rays);
+            rtt_model_free(&world);
+            rtt_model_free(&child);
+            rtt_rays_free(&rays);
+        }
+}
+
+/* Needles, plates and one-axis scalings: boxes in object space are far from those in the world. */
+static void rtt_test_instances_skewed(void)
+{
+    static const float squeeze[][3] = { { 1e-4f, 1, 1 }, { 1, 1e4f, 1 }, { 1e3f, 1, 1e-3f }, { -1e-4f, -1e-4f, 1e4f } };
+    rtt_random random = rtt_stream();
+
+    for (size_t s = 0; s < RTT_COUNT(squeeze); s++) {
+        rtt_model child = { 0 }, world = { 0 };
+        rtt_rays rays = { 0 };
+        float shear[12] = { 1, 0, 0, 0, 1e3f, 1, 0, 0, 0, -1e3f, 1, 0 };
+
+        rtt_cube(&child, 2, true, 1, rtt_origin);
+        rtt_place(&world, &child, rtt_v(squeeze[s][0], squeeze[s][1], squeeze[s][2]), rtt_point(&random, rtt_origin, 3));
+        rtt_place(&world, &child, rtt_v(squeeze[s][2], squeeze[s][0], squeeze[s][1]), rtt_point(&random, rtt_origin, 3));
+        rtt_instance(&world, &child, shear);
+        for (int e = -4; e <= 20; e += 4)
+            rtt_rays_features(&rays, &random, &world, ldexpf(1, e), 100);
+        rtt_rays_tighten(&rays, &world, 50);
+        rtt_check("instances skewed", &world, &rays);
+        rtt_model_free(&world);
+        rtt_model_free(&child);
+        rtt_rays_free(&rays);
+    }
+}
+
+/* As deep as allowed, two instances and a triangle of its own a level; hits must name the right path. */
+static void rtt_test_instances_deep(void)
+{
+    rtt_random random = rtt_stream();
+    rtt_model level[RT_MAX_NESTING + 2];
+    rtt_rays rays = { 0 };
+    rt_geometry geometry;
+    rt_build_options options;
+    rt_accel *accel;
+    rt_error error;
+    rt_info info;
+
+    memset(level, 0, sizeof level);
+    rtt_cloud(&level[0], &random, 6, rtt_origin, 1, 0.5f);
+    rtt_ball(&level[0], rtt_origin, 0.3f);
+    for (int k = 1; k <= RT_MAX_NESTING; k++) {
+        float matrix[12];
+
+        for (int i = 0; i < 2; i++) {
+            rtt_matrix(&random, 1, rtt_point(&random, rtt_origin, 1), matrix);
+            rtt_instance(&level[k], &level[k - 1], matrix);
+        }
+        rtt_cloud(&level[k], &random, 2, rtt_origin, 1, 0.5f);
+        rtt_rays_free(&rays);
+        rtt_rays_mixed(&rays, &random, rtt_origin, 2, 100);
+        rtt_rays_features(&rays, &random, &level[k], 4, 60);
+        if (k == 1 || k == 3 || k == RT_MAX_NESTING)
+            rtt_check("nested", &level[k], &rays);
+    }
+    rtt_instance(&level[RT_MAX_NESTING + 1], &level[RT_MAX_NESTING], level[1].instances[0].transform);
+    rt_get_info(level[RT_MAX_NESTING].accel, &info);
+    CHECK(info.nesting == RT_MAX_NESTING);
+    memset(&options, 0, sizeof options);
+    options.error = &error;
+    geometry = rtt_geometry(&level[RT_MAX_NESTING + 1]);
+    CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_ERROR_LIMIT);
+    CHECK(accel == NULL && error.status == RT_ERROR_LIMIT && error.message[0] != 0);
+    for (size_t k = RTT_COUNT(level); k-- > 0;)
+        rtt_model_free(&level[k]);
+    rtt_rays_free(&rays);
+}
+
+/* More paths than 32 bits can number must be refused; nearly as many must not. */
+static void rtt_test_instances_paths(void)
+{
+    for (size_t fan = 15; fan <= 16; fan++) {
+        rtt_model level[RT_MAX_NESTING + 1];
+        rt_geometry geometry;
+        rt_accel *accel;
+        uint64_t paths = 0;
+
+        memset(level, 0, sizeof level);
+        rtt_quad(&level[0], rtt_v(-1, -1, 0), rtt_v(2, 0, 0), rtt_v(0, 2, 0));
+        for (int k = 1; k <= RT_MAX_NESTING; k++) {
+            for (size_t i = 0; i < fan; i++)
+                rtt_place(&level[k], &level[k - 1], rtt_v(1, 1, 1), rtt_v(0, 0, i + 1 < fan ? -10.0f - (float)i : 0));
+            paths = fan * (1 + paths);
+        }
+        geometry = rtt_geometry(&level[RT_MAX_NESTING]);
+        CHECK_STATUS(rt_build(&accel, &geometry, NULL), paths <= RT_NONE ? RT_OK : RT_ERROR_LIMIT);
+        if (accel) {                        /* the foremost is the last child all the way down: the last number */
+            rt_ray ray = { { 0, 0.25f, 3 }, 0, { 0, 0, -1 }, INFINITY };
+            rt_hit hit;
+            float transform[12];
+
+            CHECK(rt_intersect(accel, &ray, &hit) && hit.t == 3 && hit.inst == (uint32_t)(paths - 1));
+            CHECK(rt_instance_transform(accel, hit.inst, transform, NULL) && transform[11] == 0);
+            CHECK(!rt_instance_transform(accel, (uint32_t)paths, transform, NULL));
+        }
+        rt_free(accel);
+        for (size_t k = RTT_COUNT(level); k-- > 0;)
+            rtt_model_free(&level[k]);
+    }
+}
+
+static void rtt_compose(const float a[12], const float b[12], float out[12])
+{
+    for (int row = 0; row < 3; row++)
+        for (int column = 0; column < 4; column++) {
+            double sum = column == 3 ? (double)a[4 * row + 3] : 0;
+
+            for (int k = 0; k < 3; k++)
+                sum += (double)a[4 * row + k] * (double)b[4 * k + column];
+            out[4 * row + column] = (float)sum;
+        }
+}
+
+static bool rtt_near(float a, float b, float tolerance) { return fabsf(a - b) <= tolerance; }
+
+/* Walks all paths of a model in the documented order and compares each transform with the composed matrices. */
+static void rtt_walk(const rt_accel *root, const rtt_model *model, const float outer[12], uint32_t *number)
+{
+    for (size_t i = 0; i < model->instance_count; i++) {
+        float want[12], got[12], normal[9], inverse[12];
+        bool right = true;
+
+        rtt_compose(outer, model->instances[i].transform, want);
+        if (!CHECK(rt_instance_transform(root, *number, got, normal)))
+            return;
+        CHECK(rt_instance_transform(root, *number, NULL, NULL));
+        for (int k = 0; k < 12; k++)
+            right = right && rtt_near(got[k], want[k], 1e-4f);
+        if (CHECK(rtt_invert(want, inverse)))
+            for (int row = 0; row < 3; row++)
+                for (int column = 0; column < 3; column++) {
+                    float value = inverse[4 * column + row];
+
+                    right = right && rtt_near(normal[3 * row + column], value, 1e-3f * (1 + fabsf(value)));
+                }
+        CHECK(right);
+        ++*number;
+        rtt_walk(root, model->children[i], want, number);
+    }
+}
+
+static void rtt_test_instance_transform(void)
+{
+    static const float identity[12] = { 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0 };
+    rtt_random random = rtt_stream();
+    rtt_model leaf = { 0 }, middle = { 0 }, side = { 0 }, top = { 0 };
+    float matrix[12], transform[12], normal[9];
+    rt_geometry geometry;
+    uint32_t number = 0;
+    rt_accel *accel;
+
+    rtt_cloud(&leaf, &random, 3, rtt_origin, 1, 1);
+    for (int i = 0; i < 3; i++) {
+        rtt_matrix(&random, 1, rtt_point(&random, rtt_origin, 1), matrix);
+        rtt_instance(&middle, &leaf, matrix);
+        rtt_matrix(&random, 1, rtt_point(&random, rtt_origin, 1), matrix);
+        rtt_instance(&side, &leaf, matrix);
+    }
+    for (int i = 0; i < 5; i++) {
+        rtt_matrix(&random, 1, rtt_point(&random, rtt_origin, 1), matrix);
+        rtt_instance(&top, i == 1 ? &leaf : i % 2 ? &side : &middle, matrix);
+    }
+    geometry = rtt_geometry(&top);
+    if (CHECK_STATUS(rt_build(&accel, &geometry, NULL), RT_OK)) {
+        rtt_walk(accel, &top, identity, &number);
+        CHECK(number == rtt_paths(&top));
+        CHECK(!rt_instance_transform(accel, number, transform, normal));
+        CHECK(rt_instance_transform(accel, RT_NONE, transform, normal) && memcmp(transform, identity, sizeof identity) == 0);
+        CHECK(normal[0] == 1 && normal[4] == 1 && normal[8] == 1 && normal[1] == 0 && normal[3] == 0);
+        rt_free(accel);
+    }
+    rtt_model_free(&top);
+    rtt_model_free(&side);
+    rtt_model_free(&middle);
+    rtt_model_free(&leaf);
+}
+
+/* What cannot be instanced is refused and named by its primitive id; skip_invalid leaves it out. An empty child is fine. */
+static void rtt_test_instances_bad(void)
+{
+    static const float bad[][12] = {
+        { 0 }, { 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0 }, { 1, 2, 3, 0, 2, 4, 6, 0, 0, 0, 1, 0 }, { NAN, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0 },
+        { 1, 0, 0, INFINITY, 0, 1, 0, 0, 0, 0, 1, 0 }, { 1, 0, 0, 2e18f, 0, 1, 0, 0, 0, 0, 1, 0 },
+        { 1e19f, 0, 0, 0, 0, 1e19f, 0, 0, 0, 0, 1, 0 }
+    };
+    static const float good[12] = { 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0 };
+    rtt_random random = rtt_stream();
+
+    for (size_t i = 0; i < RTT_COUNT(bad); i++) {
+        rtt_model child = { 0 }, empty = { 0 }, world = { 0 };
+        rtt_rays rays = { 0 };
+        rt_build_options options;
+        rt_geometry geometry;
+        rt_accel *accel;
+        rt_error error;
+        rt_info info;
+
+        rtt_cloud(&child, &random, 5, rtt_origin, 1, 1);
+        rtt_cloud(&world, &random, 3, rtt_origin, 1, 0.2f);
+        rtt_ball(&world, rtt_origin, 0.2f);
+        rtt_instance(&world, &empty, good);
+        rtt_instance(&world, &child, bad[i]);
+        rtt_instance(&world, &child, good);
+        rtt_instance(&world, &child, bad[i]);
+        memset(&options, 0, sizeof options);
+        options.error = &error;
+        geometry = rtt_geometry(&world);
+        CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_ERROR_GEOMETRY);
+        CHECK(accel == NULL && error.prim == 5 && error.message[0] != 0);
+        options.skip_invalid = true;
+        if (CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK)) {
+            rt_get_info(accel, &info);
+            CHECK(info.skipped == 2 && info.instances == 4);
+        }
+        rt_free(accel);
+        if (i < 4) {                        /* the oracle knows these as bad */
+            world.skip_invalid = true;
+            rtt_rays_mixed(&rays, &random, rtt_origin, 1.5f, 60);
+            rtt_check("bad instance left out", &world, &rays);
+        }
+        rtt_model_free(&world);
+        rtt_model_free(&child);
+        rtt_model_free(&empty);
+        rtt_rays_free(&rays);
+    }
+}
+
+/* ---- >>ugly: geometry that breaks builders and tests ----------------------------------------------------------------- */
+
+/* Points, lines, slivers, needles, duplicates with their corners in another order, -0, among good triangles. */
+static void rtt_degenerate(rtt_model *model, rtt_random *random)
+{
+    for (int i = 0; i < 30; i++) {
+        rt_vec3 a = rtt_point(random, rtt_origin, 1), b = rtt_point(random, rtt_origin, 1), c = rtt_point(random, rtt_origin, 1);
+
+        rtt_face(model, a, a, a);
+        rtt_face(model, a, b, b);
+        rtt_face(model, a, rtt_add(rtt_mul(a, 0.5f), rtt_mul(b, 0.5f)), b);
+        rtt_face(model, a, b, rtt_add(b, rtt_v(0, 0x1p-23f, 0)));
+        rtt_face(model, rtt_mul(a, 1e6f), rtt_mul(b, 1e-6f), rtt_add(rtt_mul(a, 1e6f), rtt_v(1, 0, 0)));
+        rtt_face(model, a, b, c);
+        rtt_face(model, b, c, a);
+        rtt_face(model, c, b, a);
+        rtt_face(model, rtt_v(-0.0f, a.y, -0.0f), rtt_v(0.0f, b.y, b.z), rtt_v(-0.0f, -0.0f, c.z));
+    }
+}
+
+static void rtt_test_degenerate(void)
+{
+    rtt_random random = rtt_stream();
+
+    for (int i = 0; i < 4; i++) {
+        rtt_model model = { 0 };
+        rtt_rays rays = { 0 };
+
+        rtt_degenerate(&model, &random);
+        if (i % 2)
+            for (int k = 0; k < 20; k++)
+                rtt_ball(&model, rtt_origin, 0.5f);
+        rtt_rays_mixed(&rays, &random, rtt_origin, 1, 150);
+        rtt_rays_features(&rays, &random, &model, 3, 350);
+        rtt_rays_tighten(&rays, &model, 60);
+        rtt_check("degenerate", &model, &rays);
+        rtt_model_free(&model);
+        rtt_rays_free(&rays);
+    }
+}
+
+/* Coordinates over 47 decades, so that boxes, bins and edge functions under- and overflow. */
+static void rtt_test_log_spaced(void)
+{
+    rtt_random random = rtt_stream();
+
+    for (int i = 0; i < 4; i++) {
+        rtt_model model = { 0 };
+        rtt_rays rays = { 0 };
+
+        for (int k = 0; k < 250; k++) {
+            rt_vec3 corner[3];
+            int e = (int)rtt_below(&random, 156) - 100;
+
+            for (int c = 0; c < 3; c++) {
+                corner[c].x = rtt_log(&random, i < 2 ? e : -100, i < 2 ? e : 56);
+                corner[c].y = rtt_log(&random, i < 2 ? e : -100, i < 2 ? e : 56);
+                corner[c].z = rtt_log(&random, i < 2 ? e : -100, i < 2 ? e : 56);
+            }
+            rtt_face(&model, corner[0], corner[1], corner[2]);
+            if (k % 5 == 0 && i % 2)
+                rtt_ball(&model, corner[0], fabsf(corner[1].x));
+        }
+        for (int e = -100; e <= 56; e += 12)
+            rtt_rays_mixed(&rays, &random, rtt_origin, ldexpf(1, e), 24);
+        for (int e = -60; e <= 56; e += 12)
+            rtt_rays_features(&rays, &random, &model, ldexpf(1, e), 40);
+        rtt_rays_tighten(&rays, &model, 100);
+        rtt_check("log-spaced", &model, &rays);
+        rtt_model_free(&model);
+        rtt_rays_free(&rays);
+    }
+}
+
+/* Denormal, at the greatest coordinates, and 2^17 of their size away from the origin. */
+static void rtt_test_extremes(void)
+{
+    rtt_random random = rtt_stream();
+
+    for (int kind = 0; kind < 6; kind++) {
+        rtt_model model = { 0 };
+        rtt_rays rays = { 0 };
+        float size = kind == 0 ? 0x1p-140f : kind == 1 ? 0x1p-126f : kind == 2 ? 0.99e18f : kind == 3 ? 1e17f : 1;
+        rt_vec3 center = kind < 4 ? rtt_origin : kind == 4 ? rtt_v(131072, -131072, 131072) : rtt_v(1e10f, 3, -5);
+
+        for (int i = 0; i < 200; i++)
+            rtt_face(&model, rtt_point(&random, center, size), rtt_point(&random, center, size), rtt_point(&random, center, size));
+        if (kind == 2) {
+            rtt_quad(&model, rtt_v(-RT_MAX_COORDINATE, -RT_MAX_COORDINATE, -RT_MAX_COORDINATE), rtt_v(2e18f, 0, 0), rtt_v(0, 2e18f, 0));
+            rtt_quad(&model, rtt_v(-RT_MAX_COORDINATE, -RT_MAX_COORDINATE, RT_MAX_COORDINATE), rtt_v(2e18f, 0, 0), rtt_v(0, 2e18f, 0));
+        } else
+            rtt_balls(&model, &random, 20, center, 0.5f * size, 0.5f * size);
+        rtt_rays_mixed(&rays, &random, center, size, 300);
+        rtt_rays_mixed(&rays, &random, center, kind < 2 ? 1e-10f : size, 100);
+        rtt_rays_features(&rays, &random, &model, kind == 2 ? 1e16f : 3 * size, 300);
+        rtt_rays_features(&rays, &random, &model, kind < 2 ? 1e-15f : kind == 2 ? 1e10f : 1e-3f * size, 100);
+        rtt_rays_tighten(&rays, &model, 100);
+        rtt_check("extremes", &model, &rays);
+        rtt_model_free(&model);
+        rtt_rays_free(&rays);
+    }
+}
+
+/* All alike, all in one plane, on one line, or nested with one centre: nothing for a builder to split by. */
+static void rtt_test_unsplittable(void)
+{
+    rtt_random random = rtt_stream();
+
+    for (int kind = 0; kind < 5; kind++) {
+        rtt_model model = { 0 };
+        rtt_rays rays = { 0 };
+
+        for (int i = 0; i < 3000; i++) {
+            float s = ldexpf((float)(i % 1000 + 1), -10);
+
+            switch (kind) {
+            case 0: rtt_face(&model, rtt_v(-1, -1, 0), rtt_v(1, -1, 0), rtt_v(0, 1, 0)); break;
+            case 1: rtt_face(&model, rtt_v(-s, -s, -s), rtt_v(s, -s, s), rtt_v(0, 2 * s, 0)); break;
+            case 2: rtt_face(&model, rtt_v(s, s, 0), rtt_v(s + 1, s, 0), rtt_v(s, s + 1, 0)); break;
+            case 3: rtt_ball(&model, rtt_origin, s); break;
+            default: rtt_ball(&model, rtt_v(0x1p-149f * (float)(i & 7), 0, 0), i % 2 ? 1.0f : 0.0f); break;
+            }
+        }
+        rtt_rays_mixed(&rays, &random, rtt_origin, 1, 16);
+        rtt_rays_features(&rays, &random, &model, 3, 24);
+        rtt_check("unsplittable", &model, &rays);
+        rtt_model_free(&model);
+        rtt_rays_free(&rays);
+    }
+}
+
+/* Random bits as coordinates, radii and indices: NaN, infinities and the out of range are left out, the rest is traced. */
+static void rtt_test_garbage(void)
+{
+    rtt_random random = rtt_stream();
+
+    for (int i = 0; i < 40; i++) {
+        rtt_model model = { 0 };
+        rtt_rays rays = { 0 };
+        uint32_t word[4];
+
+        for (int k = 0; k < 60; k++) {
+            rt_vec3 p;
+
+            for (int w = 0; w < 4; w++)
+                word[w] = rtt_bits(&random);
+            memcpy(&p, word, sizeof p);
+            if (k % 2 && i % 2)
+                p = rtt_point(&random, rtt_origin, 1);
+            rtt_vertex(&model, p);
+            memcpy(&p.x, &word[3], sizeof p.x);
+            if (!(fabsf(p.x) > 1e17f && fabsf(p.x) < 2e18f))            /* centre + radius near the limit is for other tests */
+                rtt_ball(&model, p, k % 3 ? p.x : rtt_log(&random, -20, 20));
+        }
+        for (int k = 0; k < 60; k++)
+            rtt_triangle(&model, rtt_below(&random, 62), rtt_below(&random, 60), rtt_below(&random, 60));
+        rtt_triangle(&model, 0, 1, RT_NONE);
+        for (size_t k = 0; k < model.sphere_count; k++)                /* extents that overflow only together with the centre */
+            if (fabsf(model.spheres[k].center.x) > 1e17f || fabsf(model.spheres[k].center.y) > 1e17f
+                || fabsf(model.spheres[k].center.z) > 1e17f || model.spheres[k].radius > 1e17f)
+                model.spheres[k].radius = -1;
+        model.skip_invalid = true;
+        for (int e = -100; e <= 56; e += 26)
+            rtt_rays_mixed(&rays, &random, rtt_origin, ldexpf(1, e), 24);
+        rtt_check("garbage", &model, &rays);
+        rtt_model_free(&model);
+        rtt_rays_free(&rays);
+    }
+}
+
+/* ---- >>intervals: ugly rays, intervals, batches ---------------------------------------------------------------------- */
+
+static void rtt_ugly_rays(rtt_rays *rays, rtt_random *random)
+{
+    static const float odd[] = { NAN, INFINITY, -INFINITY, 0.0f, -0.0f, 0x1p-149f, -0x1p-149f, 1e-38f, 1e-30f, 1e-19f, RT_MIN_DIRECTION,
+                                 1e-10f, 1, -1, 1e10f, RT_MAX_DIRECTION, 1.0001e18f, -2e18f, FLT_MAX };
+    static const float ends[] = { NAN, INFINITY, -INFINITY, 0.0f, -0.0f, -1, 1, 2.5f, 0x1p-149f, FLT_MAX, -FLT_MAX };
+
+    for (size_t i = 0; i < RTT_COUNT(odd); i++)
+        for (int axis = 0; axis < 3; axis++) {
+            rt_vec3 org = rtt_point(random, rtt_origin, 2), dir = rtt_point(random, rtt_origin, 1), zero = rtt_origin;
+
+            (&org.x)[axis] = odd[i];
+            rtt_segment(rays, org, dir, 0, INFINITY);
+            org = rtt_point(random, rtt_origin, 2);
+            (&dir.x)[axis] = odd[i];
+            rtt_segment(rays, org, dir, 0, INFINITY);
+            (&zero.x)[axis] = odd[i];
+            rtt_segment(rays, org, zero, 0, INFINITY);
+            rtt_segment(rays, rtt_origin, zero, -INFINITY, INFINITY);
+            rtt_segment(rays, rtt_mul(zero, -2), zero, 0, INFINITY);
+            (&zero.x)[(axis + 1) % 3] = -0.0f;
+            rtt_segment(rays, rtt_origin, zero, 0, INFINITY);
+            rtt_segment(rays, org, rtt_mul(dir, 1e-18f), 0, INFINITY);
+            rtt_segment(rays, org, rtt_mul(dir, 1e18f), 0, INFINITY);
+        }
+    for (size_t i = 0; i < RTT_COUNT(ends); i++)
+        for (size_t j = 0; j < RTT_COUNT(ends); j++) {
+            rtt_segment(rays, rtt_v(0.1f, 0.2f, -3), rtt_v(0, 0, 1), ends[i], ends[j]);
+            rtt_segment(rays, rtt_point(random, rtt_origin, 1), rtt_point(random, rtt_origin, 1), ends[i], ends[j]);
+        }
+}
+
+static void rtt_ugly_scene(rtt_model *model, rtt_model *child, rtt_random *random)
+{
+    rtt_cloud(child, random, 20, rtt_origin, 1, 1);
+    rtt_quad(model, rtt_v(-1, -1, 0), rtt_v(2, 0, 0), rtt_v(0, 2, 0));
+    rtt_quad(model, rtt_v(0, -1, -1), rtt_v(0, 2, 0), rtt_v(0, 0, 2));
+    rtt_cloud(model, random, 60, rtt_origin, 1, 0.5f);
+    rtt_balls(model, random, 20, rtt_origin, 1, 0.5f);
+    rtt_place(model, child, rtt_v(0.5f, 1, 2), rtt_v(1, 0, 0));
+}
+
+/* Each ugly ray alone in its batch of its own kind, then strewn among good ones, whose answers must not change. */
+static void rtt_test_ugly_rays(void)
+{
+    rtt_random random = rtt_stream();
+    rtt_model model = { 0 }, child = { 0 };
+    rtt_rays ugly = { 0 }, mixed = { 0 };
+
+    rtt_ugly_scene(&model, &child, &random);
+    rtt_ugly_rays(&ugly, &random);
+    rtt_check("ugly rays", &model, &ugly);
+    for (size_t i = 0; i < ugly.count; i++) {
+        if (i % 3 == 0)
+            rtt_rays_pinhole(&mixed, rtt_v(0, 0.1f, -4), rtt_origin, 1, 2);
+        rtt_rays_mixed(&mixed, &random, rtt_origin, 1, rtt_below(&random, 4));
+        mixed.ray = (rt_ray *)rtt_grow(mixed.ray, mixed.count, sizeof(rt_ray));
+        mixed.ray[mixed.count++] = ugly.ray[i];
+    }
+    rtt_check("ugly among good rays", &model, &mixed);
+    rtt_rays_free(&ugly);
+    rtt_rays_free(&mixed);
+    rtt_model_free(&model);
+    rtt_model_free(&child);
+}
+
+/* tmin and tmax on every hit of a ray, one after the other: each is found once, in order, none twice. */
+static void rtt_test_intervals(void)
+{
+    rtt_random random = rtt_stream();
+    rtt_model model = { 0 }, child = { 0 };
+    rtt_rays rays = { 0 };
+
+    rtt_ugly_scene(&model, &child, &random);
+    rtt_rays_mixed(&rays, &random, rtt_origin, 1, 60);
+    for (size_t i = 0; i < 60; i++) {
+        rt_ray ray = rays.ray[i];
+        float t;
+
+        ray.tmin = -INFINITY;
+        while (t = rtt_closest(&model, &ray).t, isfinite(t)) {
+            rtt_segment(&rays, ray.org, ray.dir, ray.tmin, t);
+            rtt_segment(&rays, ray.org, ray.dir, ray.tmin, nextafterf(t, INFINITY));
+            rtt_segment(&rays, ray.org, ray.dir, nextafterf(t, -INFINITY), nextafterf(t, INFINITY));
+            rtt_segment(&rays, ray.org, ray.dir, t, INFINITY);
+            ray.tmin = t;
+        }
+    }
+    CHECK(rays.count > 600);
+    rtt_check("intervals", &model, &rays);
+    rtt_rays_free(&rays);
+    rtt_model_free(&model);
+    rtt_model_free(&child);
+}
+
+/* Every count to 70 from any address: all answered, nothing written before or behind. */
+static void rtt_test_batches(void)
+{
+    enum { MOST = 70 };
+    rtt_random random = rtt_stream();
+    rtt_model model = { 0 }, child = { 0 };
+    rtt_rays rays = { 0 };
+    rt_geometry geometry;
+    rt_accel *accel;
+    rt_hit want[MOST];
+    float *memory = (float *)rtt_array(8 * MOST + 16, sizeof *memory);
+    rt_hit *hits = (rt_hit *)rtt_array(MOST + 8, sizeof *hits), sentinel;
+
+    rtt_ugly_scene(&model, &child, &random);
+    rtt_rays_pinhole(&rays, rtt_v(0, 0, -3), rtt_origin, 1, 7);
+    rtt_rays_mixed(&rays, &random, rtt_origin, 1, MOST - rays.count);
+    for (size_t i = 0; i < MOST; i++)
+        want[i] = rtt_closest(&model, &rays.ray[i]);
+    geometry = rtt_geometry(&model);
+    memset(&sentinel, 0xcc, sizeof sentinel);
+    if (CHECK_STATUS(rt_build(&accel, &geometry, NULL), RT_OK)) {
+        for (size_t w = 0; w < rtt_way_count; w++)
+            for (size_t count = 0; count <= MOST; count += count < 34 ? 1 : 9) {
+                const rtt_way *way = &rtt_ways[w];
+                size_t shift = count % 8;   /* in floats: all that the type of a ray demands */
+                rt_ray *unaligned = (rt_ray *)(void *)(memory + shift);
+
+                if (way->structure != RT_STRUCTURE_COUNT && way->structure != RT_BVH)
+                    continue;
+                memcpy(unaligned, rays.ray, count * sizeof(rt_ray));
+                memset(hits, 0xcc, (MOST + 8) * sizeof *hits);
+                CHECK_STATUS(rt_trace(accel, &way->options, unaligned, count, hits + shift), RT_OK);
+                for (size_t i = 0; i < MOST + 8; i++) {
+                    bool inside = i >= shift && i < shift + count;
+                    rt_hit expected = !inside ? sentinel : way->options.query == RT_ANY ? rtt_any(want[i - shift]) : want[i - shift];
+
+                    if (!rtt_same(hits[i], expected))
+                        rtt_fail("%s: %zu rays at %zu: hit %zu", way->label, count, shift, i);
+                }
+            }
+        rt_free(accel);
+    }
+    free(memory);
+    free(hits);
+    rtt_rays_free(&rays);
+    rtt_model_free(&model);
+    rtt_model_free(&child);
+}
+
+/* ---- >>watertight ---------------------------------------------------------------------------------------------------- */
+
+/* All rays must hit, every way, with equal bits. */
+static void rtt_check_no_leak(const char *what, const rtt_model *model, const rtt_rays *rays)
+{
+    rt_hit *want = (rt_hit *)rtt_array(rays->count, sizeof *want);
+    rt_geometry geometry = rtt_geometry(model);
+    rt_build_options options;
+    rt_accel *accel;
+    size_t misses = 0;
+
+    for (int s = 0; s < RT_STRUCTURE_COUNT; s++) {
+        memset(&options, 0, sizeof options);
+        options.structure = (rt_structure)s;
+        if (!rtt_structure_built(options.structure) || !CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK))
+            continue;
+        for (size_t i = 0; i < rays->count; i++)
+            if (!rt_intersect(accel, &rays->ray[i], &want[i]) && misses++ == 0)
+                rtt_fail("%s: ray %zu leaks: org {%a,%a,%a} dir {%a,%a,%a}", what, i, (double)rays->ray[i].org.x,
+                         (double)rays->ray[i].org.y, (double)rays->ray[i].org.z, (double)rays->ray[i].dir.x, (double)rays->ray[i].dir.y,
+                         (double)rays->ray[i].dir.z);
+        rtt_compare_all(what, accel, rays, want);
+        rt_free(accel);
+    }
+    if (misses)
+        rtt_fail("%s: %zu of %zu rays leak", what, misses, rays->count);
+    free(want);
+}
+
+/* The same, and a part of them against the oracle. */
+static void rtt_check_closed(const char *what, const rtt_model *model, const rtt_rays *rays)
+{
+    rtt_rays sample = { 0 };
+
+    for (size_t i = 0; i < rays->count; i += rays->count / 40 + 1)
+        rtt_segment(&sample, rays->ray[i].org, rays->ray[i].dir, rays->ray[i].tmin, rays->ray[i].tmax);
+    rtt_check(what, model, &sample);
+    rtt_check_no_leak(what, model, rays);
+    rtt_rays_free(&sample);
+}
+
+/* From inside at nothing in particular, corners, edges; along axes from a lattice of points around center. */
+static void rtt_rays_inside(rtt_rays *rays, rtt_random *random, const rtt_model *mesh, rt_vec3 center, float room, size_t count)
+{
+    for (size_t i = 0; i < count; i++) {
+        rt_vec3 lattice = rtt_v((float)rtt_below(random, 9) - 4, (float)rtt_below(random, 9) - 4, (float)rtt_below(random, 9) - 4);
+        rt_vec3 from = rtt_to(lattice, rtt_f(room * 0.25f), center), dir = rtt_point(random, rtt_origin, 1);
+
+        if (i % 4 == 0 && (dir.x != 0 || dir.y != 0 || dir.z != 0))
+            rtt_segment(rays, from, dir, 0, INFINITY);
+        else if (i % 4 == 1)
+            rtt_segment(rays, from, rtt_axis(rtt_below(random, 6)), 0, INFINITY);
+        else
+            rtt_aim(rays, i % 8 == 2 ? center : from, rtt_feature(mesh, random));
+    }
+}
+
+static void rtt_test_watertight(void)
+{
+    static const float scales[] = { 1, 1e-6f, 0.37f, 1e6f };
+    static const float offsets[] = { 0, 1024, 131072 };                /* in units of the scale */
+    rtt_random random = rtt_stream();
+
+    for (size_t s = 0; s < RTT_COUNT(scales); s++)
+        for (size_t o = 0; o < RTT_COUNT(offsets); o++)
+            for (int shape = 0; shape < 3; shape++) {
+                rtt_model mesh = { 0 };
+                rtt_rays rays = { 0 };
+                float scale = scales[s];
+                rt_vec3 offset = rtt_mul(rtt_v(1, -0.75f, 0.5f), rtt_f(scale * offsets[o]));
+
+                if (shape < 2) {
+                    rtt_cube(&mesh, 8, shape == 1, scale, offset);
+                    rtt_rays_inside(&rays, &random, &mesh, offset, 0.25f * scale, 2000);
+                } else {
+                    rtt_torus(&mesh, 4, scale, offset);
+                    for (int i = 0; i < 16; i++) {
+                        double x, y;
+                        rt_vec3 middle;
+
+                        rtt_circle(i, 4, &x, &y);
+                        middle = rtt_to(rtt_v((float)(2 * x), (float)(2 * y), 0), scale, offset);
+                        rtt_rays_inside(&rays, &random, &mesh, middle, 0.25f * scale, 125);
+                    }
+                }
+                rtt_check_closed(shape == 0 ? "closed cube" : shape == 1 ? "closed sphere" : "closed torus", &mesh, &rays);
+                rtt_model_free(&mesh);
+                rtt_rays_free(&rays);
+            }
+}
+
+/* Meshes on whole numbers seen from outside along the axes, through every corner and edge within the outline. */
+static void rtt_test_watertight_grid(void)
+{
+    for (int round = 0; round < 2; round++) {
+        rtt_model mesh = { 0 };
+        rtt_rays rays = { 0 };
+
+        rtt_cube(&mesh, 16, round == 1, 1, rtt_origin);
+        for (unsigned axis = 0; axis < 6; axis++)
+            for (int i = -31; i <= 31; i++)
+                for (int j = -31; j <= 31; j++) {
+                    rt_vec3 p = rtt_mul(rtt_axis((axis + 2) % 6), (float)i / 32), q = rtt_mul(rtt_axis((axis + 4) % 6), (float)j / 32);
+
+                    if (!round || abs(i) + abs(j) < 32)                /* the octahedron of the sphere's six poles lies within it */
+                        rtt_segment(&rays, rtt_add(rtt_add(p, q), rtt_mul(rtt_axis(axis), -3)), rtt_axis(axis), 0, INFINITY);
+                }
+        rtt_check_closed("axis-parallel grid", &mesh, &rays);
+        rtt_model_free(&mesh);
+        rtt_rays_free(&rays);
+    }
+}
+
+/* Many rays on a finer mesh. */
+static void rtt_test_watertight_many(void)
+{
+    rtt_random random = rtt_stream();
+    rtt_model mesh = { 0 };
+    rtt_rays rays = { 0 };
+
+    rtt_cube(&mesh, 40, true, 2, rtt_v(148376, 1234, -223423));
+    rtt_rays_inside(&rays, &random, &mesh, rtt_v(148376, 1234, -223423), 0.5f, 60000);
+    rtt_check_closed("large closed sphere", &mesh, &rays);
+    rtt_model_free(&mesh);
+    rtt_rays_free(&rays);
+}
+
+#if RTI_X86
+/* A program may have denormals flushed to zero: hits may then differ from the oracle's, but not from each other, and nothing leaks. */
+static void rtt_test_flush_to_zero(void)
+{
+    static const float scales[] = { 1, 1e-6f, 1e6f };
+    const unsigned int given = _mm_getcsr(), flush = 0x8040;           /* FTZ and DAZ */
+    rtt_random random = rtt_stream();
+
+    for (size_t s = 0; s < RTT_COUNT(scales); s++) {
+        rtt_model mesh = { 0 };
+        rtt_rays rays = { 0 };
+
+        rtt_cube(&mesh, 8, true, scales[s], rtt_origin);
+        rtt_rays_inside(&rays, &random, &mesh, rtt_origin, 0.25f * scales[s], 2000);
+        _mm_setcsr(given | flush);
+        rtt_check_no_leak("flush to zero", &mesh, &rays);
+        _mm_setcsr(given);
+        rtt_model_free(&mesh);
+        rtt_rays_free(&rays);
+    }
+}
+#endif
+
+/* ---- >>refit ---------------------------------------------------------------------------------------------------------- */
+
+static void rtt_shake(rtt_model *model, rtt_random *random, float amount)
+{
+    for (size_t i = 0; i < 3 * model->vertex_count; i++)
+        model->vertices[i] = rtt_f(model->vertices[i] + rtt_f(amount * rtt_signed(random)));
+    for (size_t i = 0; i < model->sphere_count; i++) {
+        model->spheres[i].center = rtt_point(random, model->spheres[i].center, amount);
+        model->spheres[i].radius = fabsf(rtt_f(model->spheres[i].radius + rtt_f(amount * rtt_signed(random))));
+    }
+    for (size_t i = 0; i < model->instance_count; i++)
+        for (int k = 0; k < 12; k++)
+            model->instances[i].transform[k] = rtt_f(model->instances[i].transform[k] + rtt_f(0.1f * rtt_f(amount * rtt_signed(random))));
+}
+
+static void rtt_oracle_all(const rtt_model *model, const rtt_rays *rays, rt_hit *want)
+{
+    for (size_t i = 0; i < rays->count; i++)
+        want[i] = rtt_closest(model, &rays->ray[i]);
+}
+
+/* Moves everything again and again; the hits are those of the moved geometry, nothing is allocated. */
+static void rtt_test_refit(void)
+{
+    for (int reference = 0; reference < 2; reference++) {
+        rtt_random random = rtt_stream();
+        rtt_model model = { 0 }, child = { 0 };
+        rt_build_options options;
+        rt_geometry geometry;
+        rt_accel *accel;
+
+        memset(&options, 0, sizeof options);
+        options.reference = reference == 1;
+        rtt_ugly_scene(&model, &child, &random);
+        rtt_cloud(&model, &random, 200, rtt_origin, 1, 0.2f);
+        geometry = rtt_geometry(&model);
+        if (CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK)) {
+            for (int frame = 0; frame < 6; frame++) {
+                rtt_rays rays = { 0 };
+                rt_hit *want;
+                size_t calls = rtt_heap.calls;
+                rt_info info;
+
+                rtt_shake(&model, &random, frame == 5 ? 100.0f : 0.3f);
+                if (frame == 3)             /* indices are read again */
+                    model.indices[0] = model.indices[5];
+                geometry = rtt_geometry(&model);
+                CHECK_STATUS(rt_refit(accel, &geometry), RT_OK);
+                CHECK(rtt_heap.calls == calls);
+                rtt_check_accel("refit", accel, &geometry);
+                rtt_rays_mixed(&rays, &random, rtt_origin, frame == 5 ? 50.0f : 1.5f, 200);
+                rtt_rays_features(&rays, &random, &model, 4, 200);
+                want = (rt_hit *)rtt_array(rays.count, sizeof *want);
+                rtt_oracle_all(&model, &rays, want);
+                rtt_compare_all("refit", accel, &rays, want);
+                rt_get_info(accel, &info);
+                CHECK(info.lower.x <= info.upper.x);
+                free(want);
+                rtt_rays_free(&rays);
+            }
+            rt_free(accel);
+        }
+        rtt_model_free(&model);
+        rtt_model_free(&child);
+    }
+}
+
+/* A refit that fails leaves every hit as it was, and says which primitive. */
+static void rtt_test_refit_errors(void)
+{
+    rtt_random random = rtt_stream();
+    rtt_model model = { 0 }, child = { 0 };
+    rtt_rays rays = { 0 };
+    rt_geometry geometry, changed;
+    rt_accel *accel;
+    rt_error error;
+    rt_hit *want;
+    float kept;
+    uint32_t kept_index;
+
+    rtt_ugly_scene(&model, &child, &random);
+    rtt_rays_mixed(&rays, &random, rtt_origin, 1, 200);
+    want = (rt_hit *)rtt_array(rays.count, sizeof *want);
+    rtt_oracle_all(&model, &rays, want);
+    geometry = rtt_geometry(&model);
+    if (CHECK_STATUS(rt_build(&accel, &geometry, NULL), RT_OK)) {
+        static const float bad[] = { NAN, INFINITY, -INFINITY, 1.01e18f };
+
+        for (size_t i = 0; i < RTT_COUNT(bad); i++) {
+            size_t last = model.triangle_count - 1;
+
+            kept = model.vertices[3 * (size_t)model.indices[3 * last] + 1];
+            model.vertices[0] = rtt_f(model.vertices[0] + 1);          /* good, and yet must not be taken over */
+            model.vertices[3 * (size_t)model.indices[3 * last] + 1] = bad[i];
+            CHECK_STATUS(rt_refit_error(accel, &geometry, &error), RT_ERROR_GEOMETRY);
+            CHECK(error.status == RT_ERROR_GEOMETRY && error.prim == last && error.message[0] != 0);
+            rtt_compare_all("failed refit", accel, &rays, want);
+            model.vertices[3 * (size_t)model.indices[3 * last] + 1] = kept;
+
+            kept = model.spheres[3].radius;
+            model.spheres[3].radius = bad[i] > 0 && i < 2 ? bad[i] : -1;
+            CHECK_STATUS(rt_refit_error(accel, &geometry, &error), RT_ERROR_GEOMETRY);
+            CHECK(error.prim == model.triangle_count + 3);
+            model.spheres[3].radius = kept;
+
+            kept = model.instances[0].transform[0];
+            model.instances[0].transform[0] = i ? bad[i] : 0;
+            if (i < 3) {
+                CHECK_STATUS(rt_refit_error(accel, &geometry, &error), RT_ERROR_GEOMETRY);
+                CHECK(error.prim == model.triangle_count + model.sphere_count);
+            }
+            model.instances[0].transform[0] = kept;
+            rtt_compare_all("failed refit", accel, &rays, want);
+        }
+        kept_index = model.indices[7];
+        model.indices[7] = (uint32_t)model.vertex_count;
+        CHECK_STATUS(rt_refit_error(accel, &geometry, &error), RT_ERROR_GEOMETRY);
+        CHECK(error.prim == 2);
+        model.indices[7] = kept_index;
+
+        changed = geometry, changed.triangle_count--;
+        CHECK_STATUS(rt_refit_error(accel, &changed, &error), RT_ERROR_ARGUMENT);
+        CHECK(error.status == RT_ERROR_ARGUMENT && error.message[0] != 0);
+        changed = geometry, changed.sphere_count--;
+        CHECK_STATUS(rt_refit(accel, &changed), RT_ERROR_ARGUMENT);
+        changed = geometry, changed.instance_count--;
+        CHECK_STATUS(rt_refit(accel, &changed), RT_ERROR_ARGUMENT);
+        CHECK_STATUS(rt_refit(accel, NULL), RT_ERROR_ARGUMENT);
+        CHECK_STATUS(rt_refit(NULL, &geometry), RT_ERROR_ARGUMENT);
+        rtt_compare_all("failed refit", accel, &rays, want);
+        rt_free(accel);
+    }
+    free(want);
+    rtt_rays_free(&rays);
+    rtt_model_free(&model);
+    rtt_model_free(&child);
+}
+
+/* A child is refitted, then its parent; what was left out at the build stays out. */
+static void rtt_test_refit_nested(void)
+{
+    rtt_random random = rtt_stream();
+    rtt_model child = { 0 }, world = { 0 };
+    rtt_rays rays = { 0 };
+    rt_geometry geometry;
+    rt_build_options options;
+    rt_accel *accel;
+    rt_hit *want;
+    rt_info info;
+
+    rtt_cloud(&child, &random, 30, rtt_origin, 1, 0.5f);
+    rtt_place(&world, &child, rtt_v(1, 2, 1), rtt_v(0, 0, 1));
+    rtt_place(&world, &child, rtt_v(1, 1, -1), rtt_v(0, 3, 0));
+    rtt_cloud(&world, &random, 30, rtt_origin, 1, 0.5f);
+    world.vertices[4] = NAN;                /* triangle 0 */
+    world.skip_invalid = true;
+    memset(&options, 0, sizeof options);
+    options.skip_invalid = true;
+    geometry = rtt_geometry(&world);
+    if (CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK)) {
+        rtt_shake(&child, &random, 2);
+        geometry = rtt_geometry(&child);
+        CHECK_STATUS(rt_refit(child.accel, &geometry), RT_OK);
+        geometry = rtt_geometry(&world);
+        CHECK_STATUS(rt_refit(accel, &geometry), RT_OK);
+        rtt_check_accel("refit nested", accel, &geometry);
+        rt_get_info(accel, &info);
+        CHECK(info.skipped == 1);
+        rtt_rays_mixed(&rays, &random, rtt_origin, 3, 300);
+        rtt_rays_features(&rays, &random, &child, 3, 100);
+        want = (rt_hit *)rtt_array(rays.count, sizeof *want);
+        rtt_oracle_all(&world, &rays, want);
+        rtt_compare_all("refit nested", accel, &rays, want);
+        world.vertices[4] = 0;              /* good again, and still out */
+        CHECK_STATUS(rt_refit(accel, &geometry), RT_OK);
+        rtt_compare_all("refit nested", accel, &rays, want);
+        free(want);
+        rt_free(accel);
+    }
+    rtt_rays_free(&rays);
+    rtt_model_free(&world);
+    rtt_model_free(&child);
+}
+
+/* ---- >>builds --------------------------------------------------------------------------------------------------------- */
+
+/* As rt_parallel_for demands, yet backwards: an order that no builder expects. *user counts the calls. */
+static void rtt_backwards(void *user, size_t count, void (*body)(void *context, size_t index), void *context)
+{
+    ++*(size_t *)user;
+    while (count-- > 0)
+        body(context, count);
+}
+
+typedef struct { void (*body)(void *context, size_t index); void *context; size_t count, next; pthread_mutex_t lock; } rtt_work;
+
+static void *rtt_worker(void *pointer)
+{
+    rtt_work *work = (rtt_work *)pointer;
+    size_t index;
+
+    while (true) {
+        pthread_mutex_lock(&work->lock);
+        index = work->next++;
+        pthread_mutex_unlock(&work->lock);
+        if (index >= work->count)
+            return NULL;
+        work->body(work->context, index);
+    }
+}
+
+static void rtt_threaded(void *user, size_t count, void (*body)(void *context, size_t index), void *context)
+{
+    pthread_t threads[4];
+    rtt_work work = { body, context, count, 0, PTHREAD_MUTEX_INITIALIZER };
+
+    ++*(size_t *)user;
+    for (size_t i = 0; i < RTT_COUNT(threads); i++)
+        if (pthread_create(&threads[i], NULL, rtt_worker, &work) != 0)
+            rtt_die("cannot start a thread");
+    for (size_t i = 0; i < RTT_COUNT(threads); i++)
+        pthread_join(threads[i], NULL);
+}
+
+static bool rtt_same_bytes(const void *a, const void *b, size_t size) { return (!a && !b) || (a && b && memcmp(a, b, size) == 0); }
+
+static bool rtt_same_tree(const rt_accel *a, const rt_accel *b)
+{
+    return a->node_count == b->node_count && a->skipped == b->skipped && a->depth == b->depth && a->bytes == b->bytes
+           && memcmp(a->slots, b->slots, sizeof a->slots) == 0 && rtt_same_bytes(a->nodes, b->nodes, a->node_count * sizeof *a->nodes)
+           && rtt_same_bytes(a->triangles, b->triangles, a->slots[RTI_TRIANGLE] * sizeof *a->triangles)
+           && rtt_same_bytes(a->triangle_ids, b->triangle_ids, a->slots[RTI_TRIANGLE] * sizeof *a->triangle_ids)
+           && rtt_same_bytes(a->balls, b->balls, a->slots[RTI_SPHERE] * sizeof *a->balls)
+           && rtt_same_bytes(a->ball_ids, b->ball_ids, a->slots[RTI_SPHERE] * sizeof *a->ball_ids);
+}
+
+/* The same tree, bit for bit, with any parallel_for. */
+static void rtt_test_parallel(void)
+{
+    static const size_t sizes[] = { 1, 2, 5, 100, 3000, 200000 };
+    static const rt_parallel_for loops[] = { rtt_backwards, rtt_threaded };
+    rtt_random random = rtt_stream();
+
+    for (size_t s = 0; s < RTT_COUNT(sizes); s++)
+        for (int reference = 0; reference < 2; reference++) {
+            size_t n = sizes[s] > 10000 ? sizes[s] / RTT_SCALE : sizes[s];
+            rtt_model model = { 0 };
+            rt_build_options options;
+            rt_geometry geometry;
+            rt_accel *serial, *parallel;
+
+            rtt_cloud(&model, &random, n - n / 3, rtt_origin, 1, 0.01f);
+            rtt_balls(&model, &random, n / 6, rtt_origin, 1, 0.01f);
+            for (size_t i = 0; i < n / 3 - n / 6; i++)
+                rtt_face(&model, rtt_origin, rtt_v(1, 0, 0), rtt_v(0, 1, 0));
+            if (s > 1)
+                model.vertices[9] = NAN;
+            geometry = rtt_geometry(&model);
+            memset(&options, 0, sizeof options);
+            options.reference = reference == 1;
+            options.skip_invalid = true;
+            if (!CHECK_STATUS(rt_build(&serial, &geometry, &options), RT_OK))
+                break;
+            for (size_t k = 0; k < RTT_COUNT(loops); k++) {
+                size_t calls = 0;
+
+                options.parallel_for = loops[k];
+                options.parallel_user = &calls;
+                if (CHECK_STATUS(rt_build(&parallel, &geometry, &options), RT_OK)) {
+                    CHECK(rtt_same_tree(serial, parallel));
+                    CHECK(calls > 0 || n < 10000);
+                    CHECK(rti_validate(parallel));
+                    rt_free(parallel);
+                }
+            }
+            rt_free(serial);
+            rtt_model_free(&model);
+        }
+}
+
+/* The first bad primitive is named, whatever the threads; *out is NULL; skip_invalid counts instead. */
+static void rtt_test_bad_primitives(void)
+{
+    static const float bad[] = { NAN, INFINITY, -INFINITY, 1.01e18f, -FLT_MAX };
+    rtt_random random = rtt_stream();
+
+    for (size_t i = 0; i < 2 * RTT_COUNT(bad) + 8; i++)
+        for (int threads = 0; threads < 2; threads++) {
+            rtt_model model = { 0 };
+            rt_build_options options;
+            rt_geometry geometry;
+            rt_accel *accel = (rt_accel *)(void *)&model;
+            size_t calls = 0, first, many = i % 2 ? 20000 : 10, skipped = 0;
+            rt_error error;
+            rt_info info;
+
+            rtt_cloud(&model, &random, many, rtt_origin, 1, 0.1f);
+            rtt_balls(&model, &random, 10, rtt_origin, 1, 0.1f);
+            if (i < RTT_COUNT(bad)) {
+                first = many / 2;
+                model.vertices[9 * first + i % 9] = bad[i];
+                model.vertices[9 * (many - 1)] = NAN;
+                model.spheres[0].radius = -1;
+            } else if (i < 2 * RTT_COUNT(bad)) {
+                first = many + 4;
+                (&model.spheres[4].center.x)[i % 4] = bad[i - RTT_COUNT(bad)];          /* centre or radius */
+                model.spheres[9].radius = -1;
+            } else {
+                first = i % 2 ? many / 3 : 0;
+                model.indices[3 * first + i % 3] = i % 4 ? (uint32_t)model.vertex_count : RT_NONE;
+                model.indices[3 * many - 1] = RT_NONE - 1;
+            }
+            geometry = rtt_geometry(&model);
+            memset(&options, 0, sizeof options);
+            options.error = &error;
+            options.parallel_for = threads ? rtt_threaded : NULL;
+            options.parallel_user = &calls;
+            CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_ERROR_GEOMETRY);
+            CHECK(accel == NULL && error.status == RT_ERROR_GEOMETRY && error.prim == first);
+            CHECK(error.message[0] != 0 && strchr(error.message, '\n') == NULL);
+            for (size_t k = 0; k < model.triangle_count + model.sphere_count; k++)
+                skipped += rtt_bad(&model, k);
+            options.skip_invalid = true;
+            if (CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK)) {
+                rt_get_info(accel, &info);
+                CHECK(info.skipped == skipped);
+                rtt_check_accel("skip_invalid", accel, &geometry);
+            }
+            rt_free(accel);
+            rtt_model_free(&model);
+        }
+}
+
+/* Without indices, with a stride; the caller's arrays may go after a build that copied; all primitives bad. */
+static void rtt_test_layouts(void)
+{
+    rtt_random random = rtt_stream();
+    rtt_model model = { 0 };
+    rtt_rays rays = { 0 };
+    rt_hit *want;
+
+    rtt_cloud(&model, &random, 100, rtt_origin, 1, 0.3f);
+    rtt_rays_mixed(&rays, &random, rtt_origin, 1, 200);
+    want = (rt_hit *)rtt_array(rays.count, sizeof *want);
+    rtt_oracle_all(&model, &rays, want);
+    for (int kind = 0; kind < 8; kind++) {
+        size_t stride = kind & 2 ? 5 : 3, size = stride * model.vertex_count;
+        float *vertices = (float *)rtt_array(size, sizeof *vertices);
+        rt_geometry geometry = rtt_geometry(&model);
+        rt_build_options options;
+        rt_accel *accel;
+
+        for (size_t i = 0; i < size; i++)
+            vertices[i] = i % stride < 3 ? model.vertices[3 * (i / stride) + i % stride] : NAN;
+        geometry.vertices = vertices;
+        geometry.vertex_stride = kind & 2 ? stride * sizeof *vertices : 0;
+        if (kind & 1)
+            geometry.indices = NULL;
+        memset(&options, 0, sizeof options);
+        options.reference = (kind & 4) != 0;
+        if (CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK)) {
+            rtt_check_accel("layout", accel, &geometry);
+            rtt_compare_all("layout", accel, &rays, want);
+            CHECK_STATUS(rt_refit(accel, &geometry), RT_OK);
+            for (size_t i = 0; !options.reference && i < size; i++)
+                vertices[i] = NAN;
+            rtt_compare_all("layout", accel, &rays, want);
+            rt_free(accel);
+        }
+        free(vertices);
+    }
+    for (size_t i = 0; i < model.vertex_count; i++)
+        model.vertices[3 * i] = NAN;
+    model.skip_invalid = true;
+    rtt_check("nothing left", &model, &rays);
+    free(want);
+    rtt_rays_free(&rays);
+    rtt_model_free(&model);
+}
+
+/* A million triangles: memory within what the header says, all given back; then a million that are one and the same. */
+static void rtt_test_million(void)
+{
+    size_t n = (rtt.big ? 10000000 : 1000000) / RTT_SCALE;
+    float *vertices = (float *)rtt_array(9 * n, sizeof *vertices);
+    static const float one[9] = { -1, -1, 0, 1, -1, 0, 0, 1, 0 };
+    double seconds[2];
+
+    for (int same = 0; same < 2; same++) {
+        rtt_random random = rtt_stream();
+        rtt_memory memory = { 0 };
+        rt_build_options options;
+        rt_geometry geometry;
+        rt_accel *accel;
+        rt_info info;
+        rt_ray ray = { { 0.01f, 0.02f, -3 }, 0, { 0, 0, 1 }, INFINITY };
+        rt_hit hit;
+
+        for (size_t i = 0; i < 9 * n; i++)
+            vertices[i] = same ? one[i % 9] : i % 9 < 3 ? rtt_signed(&random)
+                               : rtt_f(vertices[i - i % 9 + i % 3] + rtt_f(0.003f * rtt_signed(&random)));
+        memset(&geometry, 0, sizeof geometry);
+        geometry.vertices = vertices;
+        geometry.vertex_count = 3 * n;
+        geometry.triangle_count = n;
+        memset(&options, 0, sizeof options);
+        options.memory_user = &memory;
+        seconds[same] = rtt_seconds();
+        if (!CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK))
+            break;
+        seconds[same] = rtt_seconds() - seconds[same];
+        rt_get_info(accel, &info);
+        printf("    %zu %s triangles: %.2f s, depth %d, %.1f bytes a triangle, %.1f at the peak of the build\n", n,
+               same ? "equal" : "random", seconds[same], info.depth, (double)memory.live / (double)n, (double)memory.peak / (double)n);
+        CHECK(memory.live == info.bytes || (memory.live >= info.bytes && memory.live - info.bytes <= 4096));
+        CHECK(memory.peak <= n * 250 + 65536 && memory.live <= n * 105 + 65536);
+        CHECK(info.depth <= RTI_MAX_DEPTH && rti_validate(accel));
+        CHECK(rt_intersect(accel, &ray, &hit) || !same);
+        CHECK(!same || hit.prim == 0);
+        rt_free(accel);
+        CHECK(memory.live == 0 && memory.blocks == 0);
+    }
+    CHECK(seconds[1] < 5 * seconds[0] + 1);
+    free(vertices);
+}
+
+/* Every quality builds a right tree, and a better one costs less. */
+static void rtt_test_quality(void)
+{
+    static const rt_quality order[] = { RT_BUILD_FAST, RT_BUILD_DEFAULT, RT_BUILD_HIGH };
+    rtt_random random = rtt_stream();
+    rtt_model model = { 0 };
+    rt_geometry geometry;
+    double sah = HUGE_VAL;
+
+    rtt_cube(&model, 40, true, 1, rtt_origin);
+    rtt_cloud(&model, &random, 5000, rtt_origin, 1, 0.05f);
+    geometry = rtt_geometry(&model);
+    for (size_t i = 0; i < RTT_COUNT(order); i++) {
+        rt_build_options options;
+        rt_accel *accel;
+        rt_info info;
+
+        memset(&options, 0, sizeof options);
+        options.quality = order[i];
+        if (!CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK))
+            break;
+        rt_get_info(accel, &info);
+        rtt_check_accel("quality", accel, &geometry);
+        CHECK(info.sah > 1 && info.sah < 1.05 * sah);
+        CHECK(info.sah < 200);              /* brute force costs 24,200 */
+        sah = info.sah;
+        rt_free(accel);
+    }
+    rtt_model_free(&model);
+}
+
+/* ---- >>oom ------------------------------------------------------------------------------------------------------------ */
+
+/* Fails allocation 1, 2, ... of a build until it succeeds: each time the status says so and nothing is kept. */
+static void rtt_fail_each(const rtt_model *model, rt_build_options options)
+{
+    rt_geometry geometry = rtt_geometry(model);
+
+    for (int after = 0; after < 2; after++)
+        for (size_t k = 1;; k++) {
+            rtt_memory memory = { 0 };
+            rt_accel *accel = (rt_accel *)(void *)&memory;
+            rt_status status;
+            rt_error error;
+
+            memset(&error, 0, sizeof error);
+            memory.fail_at = k;
+            memory.fail_after = after == 1;
+            options.memory_user = &memory;
+            options.error = &error;
+            status = rt_build(&accel, &geometry, &options);
+            if (status == RT_OK) {
+                CHECK(memory.calls < k);
+                CHECK(k > 1);               /* or nothing was allocated through the hook */
+                CHECK(rti_validate(accel));
+                rt_free(accel);
+                CHECK(memory.live == 0 && memory.blocks == 0);
+                break;
+            }
+            CHECK_STATUS(status, RT_ERROR_MEMORY);
+            CHECK(accel == NULL && error.status == RT_ERROR_MEMORY && error.message[0] != 0);
+            if (!CHECK(memory.live == 0 && memory.blocks == 0) || !CHECK(k < 1000))
+                break;
+        }
+}
+
+static void rtt_test_out_of_memory(void)
+{
+    static const size_t sizes[] = { 0, 1, 2, 9, 300, 20000 };
+    rtt_random random = rtt_stream();
+    size_t live = rtt_heap.live;
+
+    for (size_t s = 0; s < RTT_COUNT(sizes); s++)
+        for (int kind = 0; kind < 4; kind++) {
+            rtt_model model = { 0 }, child = { 0 };
+            rt_build_options options;
+            size_t calls = 0;
+
+            memset(&options, 0, sizeof options);
+            options.reference = kind == 1;
+            options.skip_invalid = kind == 2;
+            options.parallel_for = kind == 3 ? rtt_threaded : NULL;
+            options.parallel_user = &calls;
+            if (sizes[s] > 0) {
+                rtt_cloud(&model, &random, sizes[s], rtt_origin, 1, 0.1f);
+                rtt_balls(&model, &random, sizes[s] / 2, rtt_origin, 1, 0.1f);
+                rtt_cloud(&child, &random, 4, rtt_origin, 1, 0.1f);
+                if (sizes[s] < 1000)
+                    rtt_place(&model, &child, rtt_v(1, 1, 1), rtt_v(0, 0, 1));
+                if (kind == 2)
+                    model.vertices[0] = NAN;
+            }
+            rtt_fail_each(&model, options);
+            rtt_model_free(&model);
+            rtt_model_free(&child);
+        }
+    CHECK(rtt_heap.live == live);
+}
+
+/* ---- >>options: what is not allowed is said, and nothing is touched ----------------------------------------------------- */
+
+/* One rt_trace that must fail with want; its message must hold part, its hits must stay. */
+static void rtt_refused(const rt_accel *accel, rt_trace_options options, rt_status want, const char *part)
+{
+    rt_ray ray = { { 0.2f, 0.2f, 1 }, 0, { 0, 0, -1 }, INFINITY };
+    rt_hit hits[3], untouched[3];
+    rt_ray rays[3];
+    rt_error error;
+
+    for (int i = 0; i < 3; i++)
+        rays[i] = ray;
+    memset(hits, 0xcc, sizeof hits);
+    memset(untouched, 0xcc, sizeof untouched);
+    memset(&error, 0, sizeof error);
+    options.error = &error;
+    CHECK_STATUS(rt_trace(accel, &options, rays, 3, hits), want);
+    CHECK(error.status == want && error.prim == RT_NONE);
+    if (!strstr(error.message, part) || !error.message[0] || strchr(error.message, '\n'))
+        rtt_fail("the message \"%s\" lacks \"%s\"", error.message, part);
+    CHECK(memcmp(hits, untouched, sizeof hits) == 0);
+    options.error = NULL;
+    CHECK_STATUS(rt_trace(accel, &options, rays, 3, hits), want);
+}
+
+static void rtt_test_trace_options(void)
+{
+    static const float triangle[] = { 0, 0, 0, 1, 0, 0, 0, 1, 0 };
+    const rt_algorithm_info *info;
+    rt_trace_options options;
+    rt_geometry geometry;
+    rt_accel *accel;
+    rt_ray ray = { { 0.2f, 0.2f, 1 }, 0, { 0, 0, -1 }, INFINITY };
+    rt_hit hit;
+
+    memset(&geometry, 0, sizeof geometry);
+    geometry.vertices = triangle;
+    geometry.vertex_count = 3;
+    geometry.triangle_count = 1;
+    if (!CHECK_STATUS(rt_build(&accel, &geometry, NULL), RT_OK))
+        return;
+    for (size_t i = 0; (info = rt_algorithm_get(i)) != NULL; i++) {
+        int widths[64], unset = 0x5a5a;
+        size_t count = rt_packet_widths(info->algorithm, widths, RTT_COUNT(widths));
+        char number[16];
+
+        CHECK(info->algorithm == (rt_algorithm)i && info->name[0] && info->what[0]);
+        CHECK(count <= RTT_COUNT(widths) && rt_packet_widths(info->algorithm, NULL, 0) == count);
+        memset(&options, 0, sizeof options);
+        options.algorithm = info->algorithm;
+        if (!info->built) {
+            CHECK(count == 0);
+            rtt_refused(accel, options, RT_ERROR_UNSUPPORTED, info->name);
+            continue;
+        }
+        CHECK(count > 0);
+        if (count > 1) {                    /* no more is written than there is room for */
+            int room[2] = { unset, unset };
+
+            CHECK(rt_packet_widths(info->algorithm, room, 1) == count && room[0] == widths[0] && room[1] == unset);
+        }
+        for (int width = -1; width <= 40; width++) {
+            bool listed = width == 0;
+
+            for (size_t w = 0; w < count; w++)
+                listed = listed || widths[w] == width;
+            options.packet_width = width;
+            snprintf(number, sizeof number, "%d", widths[count - 1]);
+            if (listed)
+                CHECK_STATUS(rt_trace(accel, &options, &ray, 1, &hit), RT_OK);
+            else
+                rtt_refused(accel, options, RT_ERROR_ARGUMENT, number);
+        }
+        options.packet_width = 0;
+        for (int cull = 1; cull < RT_CULL_COUNT; cull++) {
+            rt_status status;
+
+            options.cull = (rt_cull)cull;
+            status = rt_trace(accel, &options, &ray, 1, &hit);
+            if (status != RT_OK)
+                rtt_refused(accel, options, status == RT_ERROR_UNSUPPORTED ? RT_ERROR_UNSUPPORTED : RT_ERROR_ARGUMENT, "cull");
+        }
+        for (int isa = 0; isa < RT_ISA_COUNT; isa++) {
+            memset(&options, 0, sizeof options);
+            options.algorithm = info->algorithm;
+            options.isa = (rt_isa)isa;
+            if (isa == RT_ISA_AUTO || isa == (int)rt_best_isa())
+                CHECK_STATUS(rt_trace(accel, &options, &ray, 1, &hit), RT_OK);
+            else if (rt_trace(accel, &options, &ray, 1, &hit) != RT_OK || isa > (int)rt_best_isa())
+                rtt_refused(accel, options, RT_ERROR_UNSUPPORTED, rtt_isa_names[isa]);
+        }
+    }
+    CHECK(rt_algorithm_get(RT_ALGORITHM_COUNT) == NULL && rt_algorithm_get(SIZE_MAX) == NULL);
+    CHECK(rt_packet_widths((rt_algorithm)RT_ALGORITHM_COUNT, NULL, 0) == 0);
+    for (int bad = 0; bad < 8; bad++) {
+        int value = bad % 2 ? 1000 : -1;
+
+        memset(&options, 0, sizeof options);
+        if (bad / 2 == 0)
+            options.algorithm = (rt_algorithm)(bad % 2 ? RT_ALGORITHM_COUNT : value);
+        else if (bad / 2 == 1)
+            options.cull = (rt_cull)value;
+        else if (bad / 2 == 2)
+            options.query = (rt_query)value;
+        else
+            options.isa = (rt_isa)value;
+        rtt_refused(accel, options, RT_ERROR_ARGUMENT, "");
+    }
+    memset(&options, 0, sizeof options);
+    CHECK_STATUS(rt_trace(accel, NULL, &ray, 1, &hit), RT_OK);
+    CHECK_STATUS(rt_trace(accel, &options, NULL, 0, NULL), RT_OK);
+    CHECK_STATUS(rt_trace(NULL, &options, &ray, 1, &hit), RT_ERROR_ARGUMENT);
+    CHECK_STATUS(rt_trace(accel, &options, NULL, 1, &hit), RT_ERROR_ARGUMENT);
+    CHECK_STATUS(rt_trace(accel, &options, &ray, 1, NULL), RT_ERROR_ARGUMENT);
+    rt_free(accel);
+}
+
+static void rtt_test_build_options(void)
+{
+    static const float triangle[] = { 0, 0, 0, 1, 0, 0, 0, 1, 0 };
+    static const uint32_t indices[] = { 0, 1, 2 };
+    static const rt_sphere sphere = { { 0, 0, 0 }, 1 };
+    const struct { size_t field; rt_status want; } cases[] = {
+        { 0, RT_ERROR_ARGUMENT }, { 1, RT_ERROR_ARGUMENT }, { 2, RT_ERROR_ARGUMENT }, { 3, RT_ERROR_ARGUMENT }, { 4, RT_ERROR_ARGUMENT },
+        { 5, RT_ERROR_ARGUMENT }, { 6, RT_ERROR_ARGUMENT }, { 7, RT_ERROR_ARGUMENT }, { 8, RT_ERROR_ARGUMENT }, { 9, RT_ERROR_LIMIT },
+        { 10, RT_ERROR_LIMIT }, { 11, RT_ERROR_GEOMETRY }, { 12, RT_ERROR_LIMIT }
+    };
+    rt_instance no_accel;
+    rt_geometry whole;
+    rt_accel *accel;
+
+    memset(&whole, 0, sizeof whole);
+    memset(&no_accel, 0, sizeof no_accel);
+    no_accel.transform[0] = no_accel.transform[5] = no_accel.transform[10] = 1;
+    whole.vertices = triangle, whole.vertex_count = 3;
+    whole.indices = indices, whole.triangle_count = 1;
+    whole.spheres = &sphere, whole.sphere_count = 1;
+    for (size_t i = 0; i < RTT_COUNT(cases); i++) {
+        rt_geometry geometry = whole;
+        rt_build_options options;
+        rt_error error;
+
+        memset(&options, 0, sizeof options);
+        memset(&error, 0, sizeof error);
+        options.error = &error;
+        switch (cases[i].field) {
+        case 0: options.structure = (rt_structure)RT_STRUCTURE_COUNT; break;
+        case 1: options.structure = (rt_structure)-1; break;
+        case 2: options.quality = (rt_quality)3; break;
+        case 3: options.quality = (rt_quality)-1; break;
+        case 4: geometry.vertex_stride = 14; break;
+        case 5: geometry.vertex_stride = 8; break;
+        case 6: geometry.vertices = NULL; break;
+        case 7: geometry.spheres = NULL; break;
+        case 8: geometry.instance_count = 1; break;
+        case 9: geometry.triangle_count = (size_t)1 << 32; break;
+        case 10: geometry.sphere_count = SIZE_MAX; break;
+        case 11: geometry.indices = NULL, geometry.triangle_count = 2; break;
+        default: geometry.triangle_count = RT_NONE, geometry.sphere_count = 2; break;
+        }
+        accel = (rt_accel *)(void *)&error;
+        if (rt_build(&accel, &geometry, &options) != cases[i].want || accel || error.status != cases[i].want || !error.message[0])
+            rtt_fail("case %zu: \"%s\" (%s)", i, rt_status_string(error.status), error.message);
+        options.error = NULL;
+        CHECK_STATUS(rt_build(&accel, &geometry, &options), cases[i].want);
+    }
+    for (int s = 0; s < RT_STRUCTURE_COUNT; s++) {
+        rt_build_options options;
+        rt_error error;
+
+        memset(&options, 0, sizeof options);
+        options.structure = (rt_structure)s;
+        options.error = &error;
+        if (rtt_structure_built(options.structure))
+            CHECK_STATUS(rt_build(&accel, &whole, &options), RT_OK);
+        else {
+            CHECK_STATUS(rt_build(&accel, &whole, &options), RT_ERROR_UNSUPPORTED);
+            CHECK(accel == NULL && strstr(error.message, rtt_structure_names[s]) != NULL);
+        }
+        rt_free(accel);
+    }
+    CHECK_STATUS(rt_build(NULL, &whole, NULL), RT_ERROR_ARGUMENT);
+    CHECK_STATUS(rt_build(&accel, NULL, NULL), RT_ERROR_ARGUMENT);
+    CHECK(accel == NULL);
+    whole.instances = &no_accel, whole.instance_count = 1;
+    CHECK(rt_build(&accel, &whole, NULL) != RT_OK && accel == NULL);
+}
+
+static void rtt_test_status_strings(void)
+{
+    for (int i = -2; i < RT_STATUS_COUNT + 3; i++) {
+        const char *text = rt_status_string((rt_status)i);
+
+        CHECK(text != NULL && text[0] != 0 && strchr(text, '\n') == NULL);
+        for (int k = 0; k < i && i < RT_STATUS_COUNT; k++)
+            CHECK(strcmp(text, rt_status_string((rt_status)k)) != 0);
+    }
+}
+
+/* ---- >>stats ---------------------------------------------------------------------------------------------------------- */
+
+#ifndef RT_NO_STATS
+static void rtt_test_stats(void)
+{
+    rtt_random random = rtt_stream();
+    rtt_model model = { 0 }, child = { 0 };
+    rtt_rays rays = { 0 };
+    rt_geometry geometry;
+    rt_accel *accel;
+    rt_hit *hits, *want;
+    size_t legal = 0, hit = 0;
+
+    rtt_cloud(&model, &random, 2000, rtt_origin, 1, 0.1f);
+    rtt_cloud(&child, &random, 100, rtt_origin, 1, 0.1f);
+    rtt_place(&model, &child, rtt_v(1, 1, 1), rtt_v(0, 0, 0.5f));
+    rtt_rays_pinhole(&rays, rtt_v(0, 0, -3), rtt_origin, 1, 32);
+    rtt_segment(&rays, rtt_origin, rtt_origin, 0, 1);                  /* not legal: not counted */
+    want = (rt_hit *)rtt_array(rays.count, sizeof *want);
+    hits = (rt_hit *)rtt_array(rays.count, sizeof *hits);
+    rtt_oracle_all(&model, &rays, want);
+    for (size_t i = 0; i < rays.count; i++) {
+        legal += rtt_legal(&rays.ray[i]);
+        hit += want[i].prim != RT_NONE;
+    }
+    geometry = rtt_geometry(&model);
+    if (CHECK_STATUS(rt_build(&accel, &geometry, NULL), RT_OK)) {
+        for (size_t w = 0; w < rtt_way_count; w++) {
+            rt_trace_options options = rtt_ways[w].options;
+            rt_stats once, twice;
+
+            if (rtt_ways[w].structure != RT_STRUCTURE_COUNT && rtt_ways[w].structure != RT_BVH)
+                continue;
+            memset(&once, 0, sizeof once);
+            options.stats = &once;
+            CHECK_STATUS(rt_trace(accel, &options, rays.ray, rays.count, hits), RT_OK);
+            rtt_compare("with stats", rtt_ways[w].label, &rays, hits, want, options.query == RT_ANY, true);
+            if (once.rays != legal || once.prims < hit || once.nodes < hit || once.boxes < once.nodes || once.prims > legal * 2101
+                || once.active < once.steps || once.restarts || once.drops)
+                rtt_fail("%s: rays %llu nodes %llu boxes %llu prims %llu steps %llu active %llu", rtt_ways[w].label,
+                         (unsigned long long)once.rays, (unsigned long long)once.nodes, (unsigned long long)once.boxes,
+                         (unsigned long long)once.prims, (unsigned long long)once.steps, (unsigned long long)once.active);
+            twice = once;                   /* a second call adds the same again */
+            options.stats = &twice;
+            CHECK_STATUS(rt_trace(accel, &options, rays.ray, rays.count, hits), RT_OK);
+            CHECK(twice.rays == 2 * once.rays && twice.nodes == 2 * once.nodes && twice.boxes == 2 * once.boxes
+                  && twice.prims == 2 * once.prims && twice.pushes == 2 * once.pushes && twice.active == 2 * once.active);
+        }
+        rt_free(accel);
+    }
+    free(want);
+    free(hits);
+    rtt_rays_free(&rays);
+    rtt_model_free(&model);
+    rtt_model_free(&child);
+}
+#endif
+
+/* ---- >>threads -------------------------------------------------------------------------------------------------------- */
+
+typedef struct { const rt_accel *accel; const rtt_rays *rays; const rt_hit *want; size_t first, wrong; } rtt_tracer;
+
+static void *rtt_trace_alone(void *pointer)
+{
+    rtt_tracer *tracer = (rtt_tracer *)pointer;
+    size_t count = tracer->rays->count;
+    rt_hit *hits = (rt_hit *)rtt_array(count, sizeof *hits);
+
+    for (size_t w = 0; w < rtt_way_count; w++) {
+        const rtt_way *way = &rtt_ways[(w + tracer->first) % rtt_way_count];
+
+        if (way->structure != RT_STRUCTURE_COUNT && way->structure != RT_BVH)
+            continue;
+        tracer->wrong += rt_trace(tracer->accel, &way->options, tracer->rays->ray, count, hits) != RT_OK;
+        for (size_t i = 0; i < count; i++)
+            tracer->wrong += !rtt_same(hits[i], way->options.query == RT_ANY ? rtt_any(tracer->want[i]) : tracer->want[i]);
+    }
+    free(hits);
+    return NULL;
+}
+
+/* Many threads, one accel, every way at once. */
+static void rtt_test_threads(void)
+{
+    rtt_random random = rtt_stream();
+    rtt_model model = { 0 }, child = { 0 };
+    rtt_rays rays = { 0 };
+    rt_geometry geometry;
+    rt_accel *accel;
+    rt_hit *want;
+
+    rtt_ugly_scene(&model, &child, &random);
+    rtt_rays_mixed(&rays, &random, rtt_origin, 1, 500);
+    want = (rt_hit *)rtt_array(rays.count, sizeof *want);
+    rtt_oracle_all(&model, &rays, want);
+    geometry = rtt_geometry(&model);
+    if (CHECK_STATUS(rt_build(&accel, &geometry, NULL), RT_OK)) {
+        rtt_tracer tracers[8];
+        pthread_t threads[8];
+
+        for (size_t i = 0; i < RTT_COUNT(threads); i++) {
+            tracers[i] = (rtt_tracer){ accel, &rays, want, 5 * i, 0 };
+            if (pthread_create(&threads[i], NULL, rtt_trace_alone, &tracers[i]) != 0)
+                rtt_die("cannot start a thread");
+        }
+        for (size_t i = 0; i < RTT_COUNT(threads); i++) {
+            pthread_join(threads[i], NULL);
+            CHECK(tracers[i].wrong == 0);
+        }
+        rt_free(accel);
+    }
+    free(want);
+    rtt_rays_free(&rays);
+    rtt_model_free(&model);
+    rtt_model_free(&child);
+}
+
+/* ---- >>shading -------------------------------------------------------------------------------------------------------- */
+
+#ifndef RT_NO_SHADING
+static double rtt_length(rt_vec3 v) { return sqrt((double)v.x * (double)v.x + (double)v.y * (double)v.y + (double)v.z * (double)v.z); }
+
+/* The middle ray looks at the target; opposite pixels mirror each other; depth is 1; the edge of the picture is half the angle up. */
+static void rtt_test_camera(void)
+{
+    rt_camera camera = { { 1, 2, 3 }, { 1, 2, -7 }, { 0, 1, 0 }, 90 };
+    rt_ray middle = rt_camera_ray(&camera, 40, 30, 80, 60), top = rt_camera_ray(&camera, 40, 0, 80, 60);
+    rt_ray left = rt_camera_ray(&camera, 0, 30, 80, 60);
+
+    CHECK(memcmp(&middle.org, &camera.eye, sizeof camera.eye) == 0 && middle.tmin == 0 && middle.tmax == INFINITY);
+    CHECK(rtt_near(middle.dir.x, 0, 1e-6f) && rtt_near(middle.dir.y, 0, 1e-6f) && rtt_near(middle.dir.z, -1, 1e-6f));
+    CHECK(rtt_near(top.dir.x, 0, 1e-6f) && rtt_near(top.dir.y, 1, 1e-6f) && rtt_near(top.dir.z, -1, 1e-6f));
+    CHECK(rtt_near(left.dir.x, -4.0f / 3, 1e-6f) && rtt_near(left.dir.y, 0, 1e-6f));
+    for (int i = 0; i < 80; i++) {
+        float x = (float)i + 0.5f, y = 0.7f * x;
+        rt_ray a = rt_camera_ray(&camera, x, y, 80, 60), b = rt_camera_ray(&camera, 80 - x, 60 - y, 80, 60);
+
+        CHECK(rtt_near(a.dir.x, -b.dir.x, 1e-5f) && rtt_near(a.dir.y, -b.dir.y, 1e-5f) && rtt_near(a.dir.z, -1, 1e-6f));
+    }
+    camera.look = rtt_v(-3, 5, 2);          /* oblique, up not perpendicular */
+    middle = rt_camera_ray(&camera, 50, 50, 100, 100);
+    CHECK(rtt_near((float)rtt_length(middle.dir), 1, 1e-5f) && middle.dir.x < 0 && middle.dir.y > 0 && middle.dir.z < 0);
+    CHECK(rtt_near(middle.dir.x / middle.dir.z, 4, 1e-4f) && rtt_near(middle.dir.y / middle.dir.z, -3, 1e-4f));
+}
+
+/* A white floor, a sphere above its middle, a lamp above that; the camera looks down from the side. */
+static void rtt_room(rtt_model *model, rt_scene *scene, rt_geometry *geometry, rt_accel **accel)
+{
+    static const rt_material materials[] = { { { 0.8f, 0.8f, 0.8f }, { 0, 0, 0 }, { 0, 0, 0 }, 1 },
+                                             { { 0.7f, 0.1f, 0.1f }, { 0.5f, 0.5f, 0.5f }, { 0, 0, 0 }, 30 } };
+    static const uint32_t ids[] = { 0, 0, 1 };
+    static const rt_light light = { { 0, 8, 0 }, { 0.9f, 0.9f, 0.9f } };
+
+    rtt_quad(model, rtt_v(-4, 0, -4), rtt_v(0, 0, 8), rtt_v(8, 0, 0));
+    rtt_ball(model, rtt_v(0, 2, 0), 1);
+    *geometry = rtt_geometry(model);
+    if (!CHECK_STATUS(rt_build(accel, geometry, NULL), RT_OK))
+        rtt_die("the room does not build");
+    memset(scene, 0, sizeof *scene);
+    scene->accel = *accel;
+    scene->geometry = geometry;
+    scene->materials = materials, scene->material_count = 2;
+    scene->material_ids = ids;
+    scene->lights = &light, scene->light_count = 1;
+    scene->ambient = rtt_v(0.1f, 0.1f, 0.1f);
+    scene->background = rtt_v(0.25f, 0.5f, 0.75f);
+    scene->camera = (rt_camera){ { 0, 5, 9 }, { 0, 0.5f, 0 }, { 0, 1, 0 }, 50 };
+}
+
+static void rtt_test_render(void)
+{
+    enum { WIDTH = 61, HEIGHT = 43, PIXELS = WIDTH * HEIGHT };
+    rtt_random random = rtt_stream();
+    rtt_model model = { 0 };
+    rt_geometry geometry;
+    rt_scene scene;
+    rt_accel *accel;
+    rt_vec3 *whole = (rt_vec3 *)rtt_array(PIXELS, sizeof *whole), *tiles = (rt_vec3 *)rtt_array(PIXELS, sizeof *tiles);
+    size_t lit = 0, dark = 0, seen = 0;
+
+    rtt_room(&model, &scene, &geometry, &accel);
+    for (int spp = 1; spp <= 4; spp += 3)
+        for (size_t w = 0; w <= rtt_way_count; w++) {
+            rt_render_options options;
+            rt_ray_counts counts = { 0, 0 }, sum = { 0, 0 };
+            uint32_t order[64];
+
+            if (w < rtt_way_count && rtt_ways[w].structure != RT_STRUCTURE_COUNT && rtt_ways[w].structure != RT_BVH)
+                continue;
+            memset(&options, 0, sizeof options);
+            options.width = WIDTH, options.height = HEIGHT;
+            options.spp = spp;
+            if (w == 0)                     /* the reference picture, whole; then each way in shuffled tiles */
+                CHECK_STATUS(rt_render_tile(&scene, &options, 0, 0, WIDTH, HEIGHT, whole, &counts), RT_OK);
+            else
+                options.trace = rtt_ways[w - 1].options;
+            memset(tiles, 0xff, PIXELS * sizeof *tiles);
+            for (uint32_t i = 0; i < 64; i++) {
+                uint32_t other = rtt_below(&random, i + 1);
+
+                order[i] = order[other];
+                order[other] = i;
+            }
+            for (int i = 0; i < 64; i++) {
+                int x = (int)(order[i] % 8) * 8, y = (int)(order[i] / 8) * 6;
+
+                CHECK_STATUS(rt_render_tile(&scene, &options, x < WIDTH ? x : WIDTH, y < HEIGHT ? y : HEIGHT, x + 8 < WIDTH ? x + 8 : WIDTH,
+                                            y + 6 < HEIGHT ? y + 6 : HEIGHT, tiles, &sum), RT_OK);
+            }
+            if (memcmp(whole, tiles, PIXELS * sizeof *tiles) != 0)
+                rtt_fail("%s draws another picture in tiles", w ? rtt_ways[w - 1].label : "the default");
+            CHECK(sum.primary == (uint64_t)PIXELS * (uint64_t)spp && sum.shadow > 0 && sum.shadow <= sum.primary);
+            CHECK(w > 0 || (counts.primary == sum.primary && counts.shadow == sum.shadow));
+        }
+    for (int i = -35; i <= 35; i++)     /* points of the floor that the sphere does not hide: look at their pixels */
+        for (int j = -5; j <= 35; j++) {
+            double axis[3] = { 0, -4.5, -9 }, up[3] = { 0, 9, -4.5 }, norm = sqrt(101.25);
+            double scale = 0.5 * HEIGHT / 0.4663076581549986;          /* the tangent of half the angle */
+            double to[3] = { 0.1 * i, -5, 0.1 * j - 9 }, depth = rtt_dot(axis, to) / norm, from_middle = sqrt(0.01 * (i * i + j * j));
+            double x = 0.5 * WIDTH + scale * to[0] / depth, y = 0.5 * HEIGHT - scale * rtt_dot(up, to) / norm / depth;
+            bool shadow = from_middle < 1, light = from_middle > 1.9;                 /* its edge: 8 tan(asin(1/6)) = 1.352 */
+
+            if (x < 0 || x >= WIDTH || y < 0 || y >= HEIGHT || !(shadow || light))
+                continue;
+            seen++;
+            dark += shadow && whole[(int)y * WIDTH + (int)x].x < 0.12f;
+            lit += light && whole[(int)y * WIDTH + (int)x].x > 0.3f;
+        }
+    CHECK(dark > 100 && lit > 1000 && lit + dark == seen);
+    CHECK(memcmp(&whole[0], &scene.background, sizeof scene.background) == 0);
+    free(whole);
+    free(tiles);
+    rt_free(accel);
+    rtt_model_free(&model);
+}
+
+static void rtt_test_render_errors(void)
+{
+    rtt_model model = { 0 };
+    rt_render_options options;
+    rt_geometry geometry;
+    rt_scene scene;
+    rt_accel *accel;
+    rt_vec3 pixels[16], untouched[16];
+
+    rtt_room(&model, &scene, &geometry, &accel);
+    memset(&options, 0, sizeof options);
+    memset(pixels, 0xcc, sizeof pixels);
+    memset(untouched, 0xcc, sizeof untouched);
+    options.width = options.height = 4;
+    options.trace.algorithm = RT_KD_STACK;
+    if (!rtt_structure_built(RT_KDTREE))
+        CHECK_STATUS(rt_render_tile(&scene, &options, 0, 0, 4, 4, pixels, NULL), RT_ERROR_UNSUPPORTED);
+    options.trace.algorithm = RT_AUTO;
+    options.trace.packet_width = -7;
+    CHECK_STATUS(rt_render_tile(&scene, &options, 0, 0, 4, 4, pixels, NULL), RT_ERROR_ARGUMENT);
+    options.trace.packet_width = 0;
+    CHECK_STATUS(rt_render_tile(&scene, &options, 0, 0, 5, 4, pixels, NULL), RT_ERROR_ARGUMENT);
+    CHECK_STATUS(rt_render_tile(&scene, &options, -1, 0, 4, 4, pixels, NULL), RT_ERROR_ARGUMENT);
+    CHECK_STATUS(rt_render_tile(&scene, &options, 0, 0, 4, 4, NULL, NULL), RT_ERROR_ARGUMENT);
+    CHECK_STATUS(rt_render_tile(NULL, &options, 0, 0, 4, 4, pixels, NULL), RT_ERROR_ARGUMENT);
+    options.spp = -1;
+    CHECK_STATUS(rt_render_tile(&scene, &options, 0, 0, 4, 4, pixels, NULL), RT_ERROR_ARGUMENT);
+    CHECK(memcmp(pixels, untouched, sizeof pixels) == 0);
+    rt_free(accel);
+    rtt_model_free(&model);
+}
+#endif
+
+/* ---- >>programs: the code in the documentation compiles and runs --------------------------------------------------------- */
+
+/* A file of the project, found from where this one was compiled, or from the current folder; NULL if there is none. */
+static char *rtt_read_project(const char *name)
+{
+    char path[4096];
+    const char *slash = strrchr(__FILE__, '/');
+
+    for (int try = 0; try < 2; try++) {
+        FILE *file;
+        char *text = NULL;
+        size_t size = 0, got;
+
+        if (try == 0)
+            snprintf(path, sizeof path, "%.*s../%s", slash ? (int)(slash - __FILE__ + 1) : 0, __FILE__, name);
+        else
+            snprintf(path, sizeof path, "%s", name);
+        file = fopen(path, "rb");
+        if (!file)
+            continue;
+        do {
+            text = (char *)realloc(text, size + 65536 + 1);
+            if (!text)
+                rtt_die("out of memory");
+            got = fread(text + size, 1, 65536, file);
+            size += got;
+        } while (got);
+        fclose(file);
+        text[size] = 0;
+        return text;
+    }
+    return NULL;
+}
+
+/* Compiles source beside a copy of rt.h in a folder of its own, runs it there, and hands back what it printed; NULL on failure. */
+static char *rtt_compile_and_run(const char *source, char *output, size_t room)
+{
+    char folder[] = "/tmp/rt_test.XXXXXX", command[1024];
+    const char *compiler = getenv("CC") ? getenv("CC") : "cc";
+    char *header = rtt_read_project("rt.h");
+    struct { const char *name, *text; } files[] = { { "rt.h", header }, { "program.c", source } };
+    size_t got = 0;
+    FILE *pipe;
+    int status = -1;
+
+    if (!CHECK(header != NULL) || !CHECK(mkdtemp(folder) != NULL)) {
+        free(header);
+        return NULL;
+    }
+    for (size_t i = 0; i < RTT_COUNT(files); i++) {
+        FILE *file;
+
+        snprintf(command, sizeof command, "%s/%s", folder, files[i].name);
+        file = fopen(command, "wb");
+        if (CHECK(file != NULL)) {
+            CHECK(fputs(files[i].text, file) >= 0);
+            CHECK(fclose(file) == 0);
+        }
+    }
+    snprintf(command, sizeof command, "cd %s && %s -o program program.c -lm && ./program", folder, compiler);
+    pipe = popen(command, "r");
+    if (CHECK(pipe != NULL)) {
+        got = fread(output, 1, room - 1, pipe);
+        status = pclose(pipe);
+    }
+    output[got] = 0;
+    snprintf(command, sizeof command, "rm -rf %s", folder);
+    CHECK(system(command) == 0);
+    free(header);
+    return CHECK(status == 0) ? output : NULL;
+}
+
+/* The quick start of rt.h: its lines from after QUICK START to before CONTENTS, the preprocessor's first, the rest in a main. */
+static void rtt_test_quick_start(void)
+{
+    char *header = rtt_read_project("rt.h"), *line, *stop, source[8192], output[256];
+    size_t length;
+
+    if (!CHECK(header != NULL))
+        return;
+    line = strstr(header, "QUICK START");
+    stop = strstr(header, "CONTENTS");
+    if (CHECK(line && stop && line < stop)) {
+        length = (size_t)snprintf(source, sizeof source, "#include <stdio.h>\n");
+        for (int body = 0; body < 2; body++) {
+            char *at = strchr(line, '\n');
+
+            if (body)
+                length += (size_t)snprintf(source + length, sizeof source - length, "int main(void)\n{\n");
+            while (at && at < stop) {
+                char *next = strchr(++at, '\n');
+                size_t indent = strspn(at, " ");
+
+                if (!next || next > stop)
+                    break;
+                if ((at[indent] == '#') == (body == 0) && length < sizeof source)
+                    length += (size_t)snprintf(source + length, sizeof source - length, "%.*s", (int)(next + 1 - at), at);
+                at = next;
+            }
+        }
+        length += (size_t)snprintf(source + length, sizeof source - length, "return 0;\n}\n");
+        if (CHECK(length < sizeof source) && rtt_compile_and_run(source, output, sizeof output))
+            CHECK(strcmp(output, "t 1, triangle 0\n") == 0);
+    }
+    free(header);
+}
+
+/* Every whole program in README.md compiles with its rt.h and runs; examples/hello.c is shown there to the letter. */
+static void rtt_test_readme(void)
+{
+    char *readme = rtt_read_project("README.md"), *hello = rtt_read_project("examples/hello.c"), output[4096];
+    char *block = readme;
+    int programs = 0;
+
+    while (block && (block = strstr(block, "```c\n")) != NULL) {
+        char *start = block + 5, *end = strstr(start, "\n```");
+
+        if (!CHECK(end != NULL))
+            break;
+        end[1] = 0;
+        if (strstr(start, "int main(")) {
+            char *text = (char *)rtt_array(strlen(start) + 1, 1), *from, *to = text;
+
+            for (from = start; *from;)      /* programs of the project include "../rt.h" */
+                if (strncmp(from, "\"../rt.h\"", 9) == 0) {
+                    memcpy(to, "\"rt.h\"", 6);
+                    to += 6, from += 9;
+                } else
+                    *to++ = *from++;
+            CHECK(rtt_compile_and_run(text, output, sizeof output) && output[0] != 0);
+            if (programs++ == 0 && hello)
+                CHECK(strcmp(start, hello) == 0);
+            free(text);
+        }
+        block = end + 4;
+    }
+    CHECK(programs > 0);
+    free(readme);
+    free(hello);
+}
+
+/* ---- >>loaders ------------------------------------------------------------------------------------------------------ */
+
+/* The loaders' memory goes through these, so that a test can let the n-th request fail and count what was not given back. */
+static long loader_requests, loader_fail_at, loader_held;
+
+static bool loader_refuses(void)
+{
+    return ++loader_requests == loader_fail_at;
+}
+
+static void *loader_malloc(size_t size)
+{
+    void *memory = loader_refuses() ? NULL : malloc(size);
+
+    loader_held += memory != NULL;
+    return memory;
+}
+
+static void *loader_calloc(size_t count, size_t size)
+{
+    void *memory = loader_refuses() ? NULL : calloc(count, size);
+
+    loader_held += memory != NULL;
+    return memory;
+}
+
+static void *loader_realloc(void *old, size_t size)
+{
+    void *memory = loader_refuses() ? NULL : realloc(old, size);
+
+    loader_held += memory != NULL && old == NULL;
+    return memory;
+}
+
+static void loader_free(void *memory)
+{
+    loader_held -= memory != NULL;
+    free(memory);
+}
+
+#define malloc loader_malloc
+#define calloc loader_calloc
+#define realloc loader_realloc
+#define free loader_free
+#include "../examples/pool.h"
+#include "../examples/scene.h"
+#undef malloc
+#undef calloc
+#undef realloc
+#undef free
+
+static struct {
+    char folder[256];                       /* a temporary one, with the files that a test writes */
+    char path[512];
+    char reports[1 << 16];                  /* all lines of the last load, without the folder, each with a newline */
+    scene s;
+    scene_error error;
+} loader;
+
+/* Gives the path of a file in the temporary folder, which is made when there is none. */
+static const char *loader_path(const char *name)
+{
+    if (!loader.folder[0]) {
+        const char *base = getenv("TMPDIR");
+
+        snprintf(loader.folder, sizeof loader.folder, "%s/rt_test.XXXXXX", base && base[0] ? base : "/tmp");
+        if (!mkdtemp(loader.folder))
+            rtt_die("cannot make a temporary folder");
+    }
+    snprintf(loader.path, sizeof loader.path, "%s/%s", loader.folder, name);
+    return loader.path;
+}
+
+static void loader_write_bytes(const char *name, const void *bytes, size_t size)
+{
+    FILE *file = fopen(loader_path(name), "wb");
+
+    if (!file || fwrite(bytes, 1, size, file) != size || fclose(file) != 0)
+        rtt_die("cannot write a temporary file");
+}
+
+static void loader_write(const char *name, const char *text)
+{
+    loader_write_bytes(name, text, strlen(text));
+}
+
+/* How many files lie in the temporary folder; all are removed. */
+static int loader_clear(void)
+{
+    DIR *folder = loader.folder[0] ? opendir(loader.folder) : NULL;
+    struct dirent *entry;
+    char path[600];
+    int count = 0;
+
+    while (folder && (entry = readdir(folder)) != NULL) {
+        if (entry->d_name[0] == '.')
+            continue;
+        snprintf(path, sizeof path, "%s/%s", loader.folder, entry->d_name);
+        if (remove(path) == 0)
+            count++;
+    }
+    if (folder)
+        closedir(folder);
+    if (loader.folder[0])
+        remove(loader.folder);
+    loader.folder[0] = '\0';
+    return count;
+}
+
+static void loader_report(void *user, const char *line)
+{
+    size_t used = strlen(loader.reports), folder = strlen(loader.folder);
+
+    (void)user;
+    if (folder > 0 && strncmp(line, loader.folder, folder) == 0)
+        line += folder + 1;
+    snprintf(loader.reports + used, sizeof loader.reports - used, "%s\n", line);
+}
+
+/* Loads into loader.s; of a failure nothing may remain. */
+static bool loader_load(const char *name)
+{
+    static const scene zero;
+    bool loaded;
+
+    loader.reports[0] = '\0';
+    loader_held = 0;
+    loaded = scene_load(&loader.s, name, loader_report, NULL, &loader.error);
+    if (!loaded) {
+        CHECK(loader_held == 0);
+        CHECK(memcmp(&loader.s, &zero, sizeof zero) == 0);
+        CHECK(loader.error.errors > 0 && loader.error.message[0]);
+    } else {
+        CHECK(loader.error.errors == 0 && !loader.reports[0]);
+    }
+    return loaded;
+}
+
+static void loader_unload(void)
+{
+    scene_free(&loader.s);
+    CHECK(loader_held == 0);
+}
+
+/* Is what was loaded fit for rt_build and rt_render_tile: all indices in range, all numbers finite? */
+static void loader_check_whole(const char *name)
+{
+    const scene *s = &loader.s;
+    const rt_geometry *g = &s->geometry;
+    size_t i, bad = 0;
+
+    for (i = 0; i < 3 * g->triangle_count; i++)
+        bad += g->indices[i] >= g->vertex_count;
+    for (i = 0; i < 3 * g->vertex_count; i++)
+        bad += isfinite(g->vertices[i]) ? 0 : 1;
+    for (i = 0; i < g->sphere_count; i++)
+        bad += g->spheres[i].radius >= 0 && isfinite(g->spheres[i].radius) ? 0 : 1;
+    for (i = 0; i < g->triangle_count + g->sphere_count; i++)
+        bad += s->material_ids[i] >= s->material_count;
+    for (i = 0; s->normal_indices && i < g->triangle_count; i++) {
+        const uint32_t *n = s->normal_indices + 3 * i;
+        int k;
+
+        for (k = 0; k < 3 && n[0] != RT_NONE; k++) {
+            rt_vec3 v = s->normals[n[k]];
+
+            bad += !(fabsf(v.x * v.x + v.y * v.y + v.z * v.z - 1) < 1e-5f);
+        }
+    }
+    bad += s->light_count == 0 || !s->lights || !(s->camera.fov > 0 && s->camera.fov < 180);
+    if (bad)
+        rtt_fail("%s: %zu things that cannot be rendered", name, bad);
+}
+
+/* Loads text as a file of that name; true, after complaint, if it loads and has these counts. */
+static bool loader_text(const char *name, const char *text, size_t vertices, size_t triangles, size_t spheres, size_t shapes)
+{
+    const rt_geometry *g = &loader.s.geometry;
+
+    loader_write(name, text);
+    if (!loader_load(loader_path(name))) {
+        rtt_fail("%s does not load: %s", text, loader.error.message);
+        return false;
+    }
+    loader_check_whole(name);
+    if (g->vertex_count == vertices && g->triangle_count == triangles && g->sphere_count == spheres && loader.s.shapes == shapes)
+        return true;
+    rtt_fail("%.60s...: %zu vertices, %zu triangles, %zu spheres, %zu shapes", text, g->vertex_count, g->triangle_count, g->sphere_count,
+             loader.s.shapes);
+    loader_unload();
+    return false;
+}
+
+/* text must fail with exactly these reports, "file:line: what\n" each. */
+static void loader_bad(const char *name, const char *text, const char *reports)
+{
+    size_t lines = 0, i;
+
+    loader_write(name, text);
+    if (loader_load(loader_path(name))) {
+        rtt_fail("loads, and should not: %s", text);
+        loader_unload();
+        return;
+    }
+    if (strcmp(loader.reports, reports) != 0)
+        rtt_fail("%s\n      reported %s      expected %s", text, loader.reports, reports);
+    for (i = 0; reports[i]; i++)
+        lines += reports[i] == '\n';
+    CHECK(loader.error.errors == lines);
+    CHECK(strncmp(loader.error.message + strlen(loader.folder) + 1, reports, strcspn(reports, "\n")) == 0);
+}
+
+/* text must load with so many warnings, the first of them as given (behind the folder). */
+static void loader_warned(const char *name, const char *text, size_t warnings, const char *first)
+{
+    loader_write(name, text);
+    if (!loader_load(loader_path(name))) {
+        rtt_fail("%s does not load: %s", text, loader.error.message);
+        return;
+    }
+    if (loader.s.warnings != warnings || strcmp(warnings ? loader.s.warning + strlen(loader.folder) + 1 : loader.s.warning, first) != 0)
+        rtt_fail("%s: %zu warnings, %s", text, loader.s.warnings, loader.s.warning);
+    loader_unload();
+}
+
+static bool loader_vec3(rt_vec3 v, float x, float y, float z)
+{
+    return fabsf(v.x - x) <= 1e-6f && fabsf(v.y - y) <= 1e-6f && fabsf(v.z - z) <= 1e-6f;
+}
+
+static const rt_material *loader_material(size_t prim) { return &loader.s.materials[loader.s.material_ids[prim]]; }
+
+/* Every number becomes the nearest float, whatever its form, as strtof has it. */
+static void rtt_test_obj_numbers(void)
+{
+    static const char *const forms[] = {
+        "1", "+1", "-1", ".5", "-.5", "5.", "+5.", "0", "-0", "000123", "1e5", "1E5", "1e+5", "1E-5", "-1.25e-3", "0.1", "0.3", "1e38",
+        "3.4028235e38", "3.40282346638528859811704183484516925440e38", "1.17549435e-38", "1e-45", "7.0064923e-46", "7.0064924e-46",
+              "1e-400",
+        "0e99999", "0e-99999999999", "16777217", "16777216.9999999999999999", "16777217.00000000000000000000000000000000001", "33554435",
+        "8589973000", "9007199254740993", "1234567890123456789012345678901234567", "0.000000000000000000000000000000000000012345678",
+        "5.5511151231257827021181583404541015625e-17", "100000000000000000000000000000000000000",
+              "1.00000017881393421514957253748434595763683319091796875001",
+        "1.00000017881393432617187499", "1.00000017881393432617187500", "1.00000017881393432617187501", "2.3509887e-38",
+              "4.9406564584124654e-324"
+    };
+    char text[4096];
+    uint64_t state = 42;
+    size_t i, wrong = 0;
+    sn_kind kind;
+
+    for (i = 0; i < RTT_COUNT(forms); i++) {
+        snprintf(text, sizeof text, "v %s 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n", forms[i]);
+        if (loader_text("t.obj", text, 3, 1, 0, 1)) {
+            float want = strtof(forms[i], NULL);
+
+            if (memcmp(&want, loader.s.vertices, sizeof want) != 0)
+                rtt_fail("%s: %.9g, not %.9g", forms[i], (double)loader.s.vertices[0], (double)want);
+            loader_unload();
+        }
+    }
+    for (i = 0; i < 200000; i++) {          /* random ones: floats written with 1 to 20 digits, middles between two floats, any digits */
+        const char *p = text;
+        uint32_t bits;
+        float value, next, want, got;
+
+        state = sn_mix(state);
+        bits = (uint32_t)state & 0x7fffffff;
+        if (bits >= 0x7f7fffff)
+            continue;
+        memcpy(&value, &bits, sizeof value);
+        bits++;
+        memcpy(&next, &bits, sizeof next);
+        if (i % 4 == 0)
+            snprintf(text, sizeof text, "%.*e ", (int)(state >> 33) % 20, (double)value);
+        else if (i % 4 == 1)
+            snprintf(text, sizeof text, "%.17g ", ((double)value + (double)next) / 2);
+        else if (i % 4 == 2)
+            snprintf(text, sizeof text, "%.*f ", (int)(state >> 33) % 60, (double)(value * (value < 1e10f ? 1 : 0)));
+        else
+            snprintf(text, sizeof text, "%llu.%llue%d ", (unsigned long long)sn_mix(state + 1), (unsigned long long)sn_mix(state + 2),
+                     (int)(state >> 40) % 60 - 50);
+        want = strtof(text, NULL);
+        kind = sn_number(&p, &got);
+        wrong += isfinite(want) ? kind != SN_NUMBER || *p != ' ' || memcmp(&want, &got, sizeof got) != 0 : kind != SN_NOT_FINITE;
+    }
+    CHECK(wrong == 0);
+    loader_clear();
+}
+
+/* The same cube, however its lines are written. */
+static void rtt_test_obj_lines(void)
+{
+    static const char cube[] = "# a cube\n\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n"
+        "f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 3 4 8 7\nf 2 3 7 6\nf 4 1 5 8\n";
+    static const char nul[] = "v 0 0 0\nv 1\0" "0 0\nv 0 1 0\nf 1 2 3\n", surrogates[] = "\xff\xfe#\0=\xd8\x00\xde\x00\xd8\n\0v\0 \0x\0";
+    char text[4096], wide[8192];
+    int way;
+
+    for (way = 0; way < 14; way++) {
+        size_t used = 0, size, i;
+        const char *c;
+
+        if (way == 4)
+            used += (size_t)snprintf(text, sizeof text, "\xef\xbb\xbf");
+        for (c = cube; *c; c++) {
+            const bool number = c[0] == ' ' && c > cube && c[-1] != '#' && c[-1] != 'a';
+
+            if (*c != '\n' && !(number && way >= 7 && way <= 11)) text[used++] = *c;
+            else if (*c == '\n') used += (size_t)sprintf(text + used, "%s", way == 1 ? "\r\n" : way == 2 ? "\r" : way == 3 ? " \t\n \t" :
+                                                                           way == 12 ? "\n\n# more\n" : way == 13 ? "   # end\n" : "\n");
+            else used += (size_t)sprintf(text + used, "%s",
+                  way == 7 ? "\t" : way == 8 ? "   " : way == 9 ? " \\\n" : way == 10 ? " \\\r\n " : " \f\v ");
+        }
+        if (way == 5)
+            used--;                         /* no newline at the end */
+        size = used;
+        if (way == 6 || way == 0) {         /* UTF-16, either byte order */
+            for (i = 0; i < used; i++) {
+                wide[2 * i + 2] = way ? '\0' : text[i];
+                wide[2 * i + 3] = way ? text[i] : '\0';
+            }
+            wide[0] = (char)(way ? 0xfe : 0xff);
+            wide[1] = (char)(way ? 0xff : 0xfe);
+            size = 2 * used + 2;
+        }
+        loader_write_bytes("t.obj", way == 6 || way == 0 ? wide : text, size);
+        if (!CHECK(loader_load(loader_path("t.obj")))) {
+            rtt_fail("way %d: %s", way, loader.reports);
+            continue;
+        }
+        CHECK(loader.s.geometry.vertex_count == 8 && loader.s.geometry.triangle_count == 12 && loader.s.shapes == 6
+              && loader.s.warnings == 0);
+        CHECK(loader.s.bytes_read == size);
+        for (i = 0; i < 8; i++)
+            CHECK(loader.s.vertices[3 * i] + loader.s.vertices[3 * i + 1] * 2 + loader.s.vertices[3 * i + 2] * 4 == (float)("01324576"[i] - '0'));
+        CHECK(loader.s.indices[0] == 3 && loader.s.indices[1] == 2 && loader.s.indices[2] == 1 && loader.s.indices[5] == 0);
+        loader_unload();
+    }
+    /* Lines are counted over continuations and every kind of end; a lone backslash at the end of the file is no harm. */
+    loader_bad("t.obj", "v 0 0 0\r\nv 1 0 \\\r\n 0\rv 0 1 x\n", "t.obj:4: v: 'x' is not a number\n");
+    loader_bad("t.obj", "v 0 0 0\n# c \\\nv 1 0 \\\n\\\n y\nv 1\n", "t.obj:3: v: 'y' is not a number\n"
+          "t.obj:6: v: 3 numbers expected, not 1\n");
+    if (loader_text("t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3 \\", 3, 1, 0, 1)) loader_unload();
+    if (loader_text("t.obj", "", 0, 0, 0, 0)) loader_unload();
+    if (loader_text("t.obj", "\n\n \t \n#", 0, 0, 0, 0)) loader_unload();
+    loader_write_bytes("t.obj", nul, sizeof nul - 1);           /* a NUL is a blank */
+    CHECK(loader_load(loader_path("t.obj")));
+    loader_unload();
+    loader_write_bytes("t.obj", surrogates, sizeof surrogates); /* a pair, one alone, and an odd end (the string's own NUL) */
+    CHECK(!loader_load(loader_path("t.obj")) && strcmp(loader.reports, "t.obj:2: v: 'x' is not a number\n") == 0);
+    {                                       /* a line of a megabyte */
+        static char line[1 << 20];
+
+        memset(line, ' ', sizeof line);
+        memcpy(line, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2", 29);
+        memcpy(line + sizeof line - 4, " 3\n", 4);
+        if (loader_text("t.obj", line, 3, 1, 0, 1)) loader_unload();
+    }
+    loader_clear();
+}
+
+static double loader_area(size_t triangle)
+{
+    const float *a = loader.s.vertices + 3 * loader.s.indices[3 * triangle],
+          *b = loader.s.vertices + 3 * loader.s.indices[3 * triangle + 1];
+    const float *c = loader.s.vertices + 3 * loader.s.indices[3 * triangle + 2];
+    double u[3], v[3];
+    int k;
+
+    for (k = 0; k < 3; k++) {
+        u[k] = (double)b[k] - (double)a[k];
+        v[k] = (double)c[k] - (double)a[k];
+    }
+    return sqrt(pow(u[1] * v[2] - u[2] * v[1], 2) + pow(u[2] * v[0] - u[0] * v[2], 2) + pow(u[0] * v[1] - u[1] * v[0], 2)) / 2;
+}
+
+/* A polygon of n corners is n - 2 triangles that cover its area once. */
+static void loader_polygon(const char *what, const double (*xy)[2], size_t count, double shift, int axis, bool simple)
+{
+    char *text = (char *)malloc(count * 100 + 64);
+    double area = 0, covered = 0;
+    size_t i, used = 0;
+
+    if (!text)
+        rtt_die("out of memory");
+    for (i = 0; i < count; i++) {
+        const double x = xy[i][0] + shift, y = xy[i][1] - shift, *p = xy[i], *q = xy[(i + 1) % count];
+
+        used += (size_t)sprintf(text + used, axis == 0 ? "v 7 %.9g %.9g\n" : axis == 1 ? "v %.9g 7 %.9g\n" : "v %.9g %.9g 7\n", x, y);
+        area += (p[0] * q[1] - p[1] * q[0]) / 2;
+    }
+    used += (size_t)sprintf(text + used, "f");
+    for (i = 0; i < count; i++)
+        used += (size_t)sprintf(text + used, " %zu", i + 1);
+    sprintf(text + used, "\n");
+    if (loader_text("t.obj", text, count, count - 2, 0, 1)) {
+        for (i = 0; i < count - 2; i++)
+            covered += loader_area(i);
+        if (simple && !(fabs(covered - fabs(area)) <= 1e-4 * fabs(area)))
+            rtt_fail("%s: the polygon has area %g, its triangles %g", what, fabs(area), covered);
+        loader_unload();
+    }
+    free(text);
+}
+
+static void rtt_test_obj_polygons(void)
+{
+    static const double arrow[][2] = { { 0, 0 }, { 2, 1 }, { 0, 2 }, { 0.5, 1 } }, flat_[][2] = { { 0, 0 }, { 1, 0 }, { 2, 0 }, { 3, 0 },
+          { 1.5, 0 } };
+    static const double comb[][2] = { { 0, 0 }, { 7, 0 }, { 7, 3 }, { 6, 3 }, { 6, 1 }, { 5, 1 }, { 5, 3 }, { 4, 3 }, { 4, 1 }, { 3, 1 },
+          { 3, 3 },
+                                      { 2, 3 }, { 2, 1 }, { 1, 1 }, { 1, 3 }, { 0, 3 } };
+    static const double hole[][2] = { { 0, 0 }, { 4, 0 }, { 4, 4 }, { 0, 4 }, { 0, 0 }, { 1, 1 }, { 1, 3 }, { 3, 3 }, { 3, 1 }, { 1, 1 } };
+    static const double bow[][2] = { { 0, 0 }, { 1, 1 }, { 1, 0 }, { 0, 1 } }, point[][2] = { { 1, 1 }, { 1, 1 }, { 1, 1 }, { 1, 1 }, { 1,
+          1 } };
+    static const double doubled[][2] = { { 0, 0 }, { 0, 0 }, { 2, 0 }, { 2, 0 }, { 2, 2 }, { 1, 0.5 }, { 1, 0.5 }, { 0, 2 } };
+    static const double straight[][2] = { { 0, 0 }, { 1, 0 }, { 2, 0 }, { 2, 1 }, { 2, 2 }, { 1, 2 }, { 0, 2 }, { 0, 1 } };
+    static const double square[][2] = { { 0, 0 }, { 1, 0 }, { 1, 1 }, { 0, 1 } };
+    static double many[30000][2], backwards[64][2];
+    uint64_t state = 7;
+    size_t i, n;
+    int axis;
+
+    for (axis = 0; axis < 3; axis++) {
+        loader_polygon("square", square, RTT_COUNT(square), 0, axis, true);
+        loader_polygon("arrow", arrow, RTT_COUNT(arrow), 0, axis, true);
+        loader_polygon("arrow far away", arrow, RTT_COUNT(arrow), 10000, axis, true);
+        loader_polygon("comb", comb, RTT_COUNT(comb), 0, axis, true);
+        loader_polygon("hole", hole, RTT_COUNT(hole), 0, axis, true);
+        loader_polygon("straight corners", straight, RTT_COUNT(straight), 0, axis, true);
+        loader_polygon("doubled corners", doubled, RTT_COUNT(doubled), 0, axis, true);
+        loader_polygon("bow tie", bow, RTT_COUNT(bow), 0, axis, false);
+        loader_polygon("no area", flat_, RTT_COUNT(flat_), 0, axis, false);
+        loader_polygon("one point", point, RTT_COUNT(point), 0, axis, false);
+    }
+    for (n = 5; n < 64; n++) {              /* stars without order, seen from either side */
+        for (i = 0; i < n; i++) {
+            const double angle = 6.283185307179586 * (double)i / (double)n, radius = 0.1 + sn_random(state++);
+
+            many[i][0] = radius * cos(angle);
+            many[i][1] = radius * sin(angle);
+        }
+        for (i = 0; i < n; i++) {
+            backwards[i][0] = many[n - 1 - i][0];
+            backwards[i][1] = many[n - 1 - i][1];
+        }
+        loader_polygon("star", (const double (*)[2])many, n, 0, (int)(n % 3), true);
+        loader_polygon("star backwards", (const double (*)[2])backwards, n, 0, (int)(n % 3), true);
+    }
+    for (n = 3; n < 40; n++) {              /* no polygon at all: random corners */
+        for (i = 0; i < n; i++) {
+            many[i][0] = floor(sn_random(state++) * 5);
+            many[i][1] = floor(sn_random(state++) * 5);
+        }
+        loader_polygon("random corners", (const double (*)[2])many, n, 0, (int)(n % 3), false);
+    }
+    for (i = 0; i < 2000; i++) {            /* a spiral of some thousand corners is still cut right, and 30000 random ones end soon */
+        const double turn = 0.05 * (double)(i < 1000 ? i : 1999 - i), radius = 1 + turn + (i < 1000 ? 0 : 2);
+
+        many[i][0] = radius * cos(turn);
+        many[i][1] = radius * sin(turn);
+    }
+    loader_polygon("spiral", (const double (*)[2])many, 2000, 0, 2, true);
+    for (i = 0; i < 30000; i++) {
+        many[i][0] = sn_random(state++);
+        many[i][1] = sn_random(state++);
+    }
+    loader_polygon("30000 random corners", (const double (*)[2])many, 30000, 0, 2, false);
+    loader_clear();
+}
+
+#define LOADER_SQUARE "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+
+static void rtt_test_obj_corners(void)
+{
+    static const char *const forms[] = { "f 1 2 3", "f 1/1 2/2 3/3", "f 1//1 2//1 3//2", "f 1/3/1 2/2/1 3/1/2", "f 1/1/ 2/1/ 3/3/",
+          "f 1/ 2/ 3/", "f 1// 2// 3//",
+                                         "f -4 -3 -2", "f -4/-3 -3/-2 -2/-1", "f -4//-2 -3//-2 -2//-1", "f -4/-3/-2 -3/-2/-2 -2/-1/-1",
+                                               "f +1 +2 +3" };
+    char text[512];
+    size_t i;
+
+    for (i = 0; i < RTT_COUNT(forms); i++) {
+        const char *slashes = strstr(forms[i], "//");
+        bool smooth = (slashes && sn_is_digit(slashes[2])) || (slashes && slashes[2] == '-') || (i == 3 || i == 10);
+
+        snprintf(text, sizeof text, LOADER_SQUARE "vt 0 0\nvt 1\nvt 0 1 0\nvn 0 0 2\nvn 3 0 4\n%s # tail\n", forms[i]);
+        if (!loader_text("t.obj", text, 4, 1, 0, 1))
+            continue;
+        CHECK(loader.s.indices[0] == 0 && loader.s.indices[1] == 1 && loader.s.indices[2] == 2 && loader.s.warnings == 0);
+        CHECK(smooth == (loader.s.normal_indices != NULL));
+        if (loader.s.normal_indices) {
+            CHECK(loader.s.normal_indices[0] == 0 && loader.s.normal_indices[1] == 0 && loader.s.normal_indices[2] == 1);
+            CHECK(loader_vec3(loader.s.normals[0], 0, 0, 1) && loader_vec3(loader.s.normals[1], 0.6f, 0, 0.8f));     /* of unit length */
+        }
+        loader_unload();
+    }
+    /* A face without normals among others is flat; so is one with a normal that has no direction, or lacks one. */
+    if (loader_text("t.obj", LOADER_SQUARE "vn 0 0 1\nvn 0 0 0\nvn nan 0 0\nf 1 2 3\nf 1//1 2//1 3//1\nf 1 2 4\nf 1//1 2//2 3//1\n"
+          "f 1//3 2//1 3//1\n"
+                    "f 1//1 2 3//1\nf 1//1 2//1 3//1 4//1\n", 4, 8, 0, 7)) {
+        static const bool smooth[] = { false, true, false, false, false, false, true, true };
+
+        for (i = 0; i < 8; i++)
+            CHECK((loader.s.normal_indices[3 * i] != RT_NONE) == smooth[i]);
+        CHECK(loader.s.warnings == 2);      /* the nan, and the corner without */
+        loader_unload();
+    }
+    /* Points, lines, groups, objects and smoothing draw nothing. */
+    if (loader_text("t.obj", "o thing\ng a b\ng\ns 1\ns off\n" LOADER_SQUARE "l 1 2 3\np 1 2\nf 1 2 3\n", 4, 1, 0, 1)) {
+        CHECK(loader.s.warnings == 0);
+        loader_unload();
+    }
+    loader_clear();
+}
+
+/* Statements in any order: vertices, normals and materials may come after what uses them. */
+static void rtt_test_obj_order(void)
+{
+    loader_write("late.mtl", "newmtl red\nKd 1 0 0\n");
+    if (loader_text("t.obj", "usemtl red\nf 1//1 2//1 3//2\nf 1 2 3 4 5\nusemtl other\nf 1/1 2/2 3/3\nvt 0\nvt 0\nvt 0\n"
+                    "v 0 0 0\nv 2 1 0\nv 0 2 0\nv 0.2 1.5 0\nv 0.5 1 0\nf -5 -4 2\nvn 0 0 1\nvn 1 0 0\nmtllib late.mtl\n", 5, 6, 0, 4)) {
+        double area = 0;
+        size_t i;
+
+        for (i = 1; i < 4; i++)
+            area += loader_area(i);
+        CHECK(fabs(area - 1.525) < 1e-6);     /* cut up right, though its corners came late */
+        CHECK(loader.s.normal_indices[0] == 0 && loader.s.normal_indices[2] == 1 && loader.s.normal_indices[3] == RT_NONE);
+        CHECK(loader_vec3(loader_material(0)->diffuse, 1, 0, 0) && loader_vec3(loader_material(3)->diffuse, 1, 0, 0));
+        CHECK(loader_vec3(loader_material(4)->diffuse, 0.8f, 0.8f, 0.8f) && loader.s.warnings == 1);
+        CHECK(strstr(loader.s.warning, "1 material is not defined, 'other' first") != NULL);
+        CHECK(loader.s.indices[15] == 0 && loader.s.indices[16] == 1 && loader.s.indices[17] == 1);
+        loader_unload();
+    }
+    loader_bad("t.obj", "f 1 2 3\nf 1 2 9\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3//1\nf 1//2 2 3\nf 1/5 2 3\nvn 0 0 1\nvt 0\n",
+               "t.obj:2: f: vertex index 9 out of range: the file has 3\nt.obj:7: f: normal index 2 out of range: the file has 1\n"
+               "t.obj:8: f: texture index 5 out of range: the file has 1\n");
+    loader_warned("t.obj", LOADER_SQUARE "f 1/9/9 2/9/9 3/9/9\nf 1//1 2//2 3//3 4//4\n", 2,
+          "t.obj:5: f: texture indices in a file that has none are ignored");
+    loader_clear();
+}
+
+static void rtt_test_obj_colors(void)
+{
+    if (loader_text("t.obj", "v 0 0 0\nv 1 0 0 0.25 0.5 1\nv 0 1 0 0.9\nv 0 0 1 0.9 1 0.5 0\nv 1 1 1\nf 1 2 3\nf 3 4 5\n", 5, 2, 0, 2)) {
+        CHECK(loader_vec3(loader.s.colors[0], 1, 1, 1) && loader_vec3(loader.s.colors[1], 0.25f, 0.5f, 1)
+              && loader_vec3(loader.s.colors[2], 1, 1, 1));
+        CHECK(loader_vec3(loader.s.colors[3], 1, 0.5f, 0) && loader_vec3(loader.s.colors[4], 1, 1, 1) && loader.s.warnings == 0);
+        loader_unload();
+    }
+    if (loader_text("t.obj", LOADER_SQUARE "f 1 2 3\n", 4, 1, 0, 1)) {
+        CHECK(!loader.s.colors && !loader.s.normals && !loader.s.normal_indices && loader.s.material_count == 1);
+        loader_unload();
+    }
+    if (loader_text("t.obj", "v 0 0 0 1 0 0\nv 1 0 0 nan nan nan\nv 0 1 0 0 inf 0\nv 0 0 1 -nan(ind) 0 1.#IND\nf 1 2 3\n", 4, 1, 0, 1)) {
+        CHECK(loader_vec3(loader.s.colors[0], 1, 0, 0) && loader_vec3(loader.s.colors[1], 1, 1, 1) && loader_vec3(loader.s.colors[3], 1,
+              1, 1));
+        CHECK(loader.s.warnings == 3);
+        loader_unload();
+    }
+    loader_warned("t.obj", "v 0 0 0 1 2\n", 1, "t.obj:1: v: 3, 4, 6 or 7 numbers expected; those behind the position are ignored");
+    loader_warned("t.obj", "v 0 0 0 1 2 3 4 5\n", 1, "t.obj:1: v: 3, 4, 6 or 7 numbers expected; those behind the position are ignored");
+    loader_bad("t.obj", "v 0 0 0 1 x 3\n", "t.obj:1: v: 'x' is not a number\n");
+    loader_clear();
+}
+
+static void rtt_test_obj_materials(void)
+{
+    loader_write("a.mtl", "\xef\xbb\xbf# comment\n\n  newmtl one # not the name\n\tKd 0.1 0.2 0.3 # trailing\n Ks 0.5 \n Ke 1 2 3\n"
+          "Ns 20\nKa 9 9 9\nillum 2\nd 1\nd -halo 0.5\n"
+                 "Tr 0\nNi 1.5\nmap_Kd a b.png\nmap_Bump -bm 2 x.png\nPr 0.5\nTf 1 1 1\nnorm y.png\nnewmtl two\nKs 1 1 1\nNs 0\n"
+                 "newmtl matt\r\nKs 1 1 1\r\nNs 50\r\nillum 1\r\nKd spectral x.rfl\r\nnewmtl \r\nKd 0.5 0.5 0.5");
+    loader_write("b c.mtl", "newmtl  with  blanks \nKd 0 1 0\nnewmtl two\nKd 0 0 1\n");
+    loader_write("d.mtl", "newmtl windows\nKd 0 1 1\n");
+    if (loader_text("t.obj", "mtllib ./a.mtl b\\ c.mtl missing.mtl\nmtllib b c.mtl\nmtllib .\\d.mtl\nmtllib ./a.mtl # again\n" LOADER_SQUARE
+                    "f 1 2 3\nusemtl one\nf 1 2 3\nusemtl   with  blanks  \nf 1 2 3\nusemtl two # comment\nf 1 2 3\nusemtl windows\n"
+                          "f 1 2 3\n"
+                    "usemtl matt\nf 1 2 3\nusemtl\nf 1 2 3\n", 4, 7, 0, 7)) {
+        const rt_material *one = loader_material(1);
+
+        CHECK(loader_vec3(loader_material(0)->diffuse, 0.8f, 0.8f, 0.8f));      /* none in force yet */
+        CHECK(loader_vec3(one->diffuse, 0.1f, 0.2f, 0.3f) && loader_vec3(one->specular, 0.5f, 0.5f, 0.5f));
+        CHECK(loader_vec3(one->emission, 1, 2, 3) && one->shininess == 20);
+        CHECK(loader_vec3(loader_material(2)->diffuse, 0, 1, 0));
+        CHECK(loader_vec3(loader_material(3)->diffuse, 0.8f, 0.8f, 0.8f) && loader_vec3(loader_material(3)->specular, 0, 0,
+              0));    /* Ns 0; the first two */
+        CHECK(loader_vec3(loader_material(4)->diffuse, 0, 1, 1));
+        CHECK(loader_vec3(loader_material(5)->specular, 0, 0, 0));              /* illum 1 */
+        CHECK(loader_vec3(loader_material(6)->diffuse, 0.5f, 0.5f, 0.5f));      /* the name is empty */
+        CHECK(loader.s.warnings == 2 && strstr(loader.s.warning, "a.mtl:26: Kd: 'spectral' colours are not supported"));
+        CHECK(strcmp(loader.s.material_names[loader.s.material_ids[2]], "with  blanks") == 0);
+        loader_unload();
+    }
+    loader_warned("t.obj", "mtllib none.mtl\n", 1, "t.obj:1: mtllib: cannot read 'none.mtl'");
+    loader_warned("t.obj", "mtllib\n", 1, "t.obj:1: mtllib without a name");
+    loader_warned("t.obj", "mtllib .\n", 1, "t.obj:1: mtllib: cannot read '.'");
+    loader_write("e.mtl", "Kd 1 1 1\n");
+    loader_warned("t.obj", "mtllib e.mtl\n", 1, "e.mtl:1: 'Kd' before the first newmtl is ignored");
+    loader_clear();
+}
+
+static void rtt_test_obj_errors(void)
+{
+    static const struct { const char *text, *reports; } bad[] = {
+        { "v 1 2\n", "t.obj:1: v: 3 numbers expected, not 2\n" },
+        { "v\n", "t.obj:1: v: 3 numbers expected, not 0\n" },
+        { "v 1 2 # 3\n", "t.obj:1: v: 3 numbers expected, not 2\n" },
+        { "\nv 1 2 3.1+e2", "t.obj:2: v: '3.1+e2' is not a number\n" },
+        { "v 1 2 0x10\n", "t.obj:1: v: '0x10' is not a number\n" },
+        { "v 1e 2 3\nv 1 2e+ 3\nv 1 2 .\nv 1 2 -\nv 1,2,3\nv 1 2 3#4\n",
+          "t.obj:1: v: '1e' is not a number\nt.obj:2: v: '2e+' is not a number\nt.obj:3: v: '.' is not a number\n"
+                "t.obj:4: v: '-' is not a number\n"
+          "t.obj:5: v: '1,2,3' is not a number\nt.obj:6: v: '3#4' is not a number\n" },
+        { "v nan 0 0\nv 0 -inf 0\nv 0 0 1e39\nv 1.#INF 0 0\nv -1.#QNAN 0 0\nv Infinity 0 0\nv 1e999999999999 0 0\n",
+          "t.obj:1: v: 'nan' is not a finite number\nt.obj:2: v: '-inf' is not a finite number\nt.obj:3: v: '1e39' is not a finite number\n"
+          "t.obj:4: v: '1.#INF' is not a finite number\nt.obj:5: v: '-1.#QNAN' is not a finite number\n"
+                "t.obj:6: v: 'Infinity' is not a finite number\n"
+          "t.obj:7: v: '1e999999999999' is not a finite number\n" },
+        { "vn 1 2\nvn 1 2 x\nvt\nvt x\nvt 0 0 y\n", "t.obj:1: vn: 3 numbers expected, not 2\nt.obj:2: vn: 'x' is not a number\n"
+          "t.obj:3: vt: 1 number expected, not 0\nt.obj:4: vt: 'x' is not a number\nt.obj:5: vt: 'y' is not a number\n" },
+        { LOADER_SQUARE "f 1 2\nf 1\nf\n", "t.obj:5: f: a face needs 3 corners, not 2\nt.obj:6: f: a face needs 3 corners, not 1\n"
+          "t.obj:7: f: a face needs 3 corners, not 0\n" },
+        { LOADER_SQUARE "f 1 2 0\nf 1/0 2 3\nf 1//0 2 3\nf 1 2 -0\n", "t.obj:5: f: vertex index 0; indices count from 1\n"
+          "t.obj:6: f: texture index 0; indices count from 1\nt.obj:7: f: normal index 0; indices count from 1\n"
+                "t.obj:8: f: vertex index 0; indices count from 1\n" },
+        { LOADER_SQUARE "f 1 2 x\nf 1 2 3x\nf 1 2 3/x\nf 1 2 3//x\nf 1 2 3/1/1/1\nf 1 2 3.5\nf 1 2 --3\nf /1 2 3\n",
+          "t.obj:5: f: 'x' is not a corner (v, v/t, v//n or v/t/n)\nt.obj:6: f: '3x' is not a corner (v, v/t, v//n or v/t/n)\n"
+          "t.obj:7: f: '3/x' is not a corner (v, v/t, v//n or v/t/n)\nt.obj:8: f: '3//x' is not a corner (v, v/t, v//n or v/t/n)\n"
+          "t.obj:9: f: '3/1/1/1' is not a corner (v, v/t, v//n or v/t/n)\nt.obj:10: f: '3.5' is not a corner (v, v/t, v//n or v/t/n)\n"
+          "t.obj:11: f: '--3' is not a corner (v, v/t, v//n or v/t/n)\nt.obj:12: f: '/1' is not a corner (v, v/t, v//n or v/t/n)\n" },
+        { LOADER_SQUARE "f -1 -2 -5\nf 1/-1 2 3\nf 1//-1 2 3\n", "t.obj:5: f: '-5': vertex index out of range: there are 4 so far\n"
+          "t.obj:6: f: '1/-1': texture index out of range: there are 0 so far\n"
+                "t.obj:7: f: '1//-1': normal index out of range: there are 0 so far\n" },
+        { LOADER_SQUARE "f 1 2 5\nf 1 2 4294967296\nf 1 2 99999999999999999999999\n",
+              "t.obj:5: f: vertex index 5 out of range: the file has 4\n"
+          "t.obj:6: f: vertex index 4294967296 out of range: the file has 4\n"
+                "t.obj:7: f: vertex index 999999999999999999 out of range: the file has 4\n" },
+        { "v 0 0 x\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "t.obj:1: v: 'x' is not a number\n" },     /* and no more: vertex 3 is there */
+        { "12 34\n\x01\x02\n@home\nwell...\n", "t.obj:1: '12' is not a statement\nt.obj:3: '@home' is not a statement\n"
+              "t.obj:4: 'well...' is not a statement\n" },
+        { "\x7f" "ELF\xff\n", "t.obj:1: '?ELF?' is not a statement\n" },
+        { "v aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa\n",
+              "t.obj:1: v: 'aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa...' is not a number\n" }
+    };
+    static const struct { const char *mtl, *reports; } bad_mtl[] = {
+        { "newmtl a\nKd 1 2\nKs\nKe x\nNs\nNs y\nd z\nTr nan\nillum two\nNi 1e99\n",
+          "m.mtl:2: Kd: 3 numbers expected, not 2\nm.mtl:3: Ks: 1 number expected, not 0\nm.mtl:4: Ke: 'x' is not a number\n"
+                "m.mtl:5: Ns: 1 number expected, not 0\n"
+          "m.mtl:6: Ns: 'y' is not a number\nm.mtl:7: d: 'z' is not a number\nm.mtl:8: Tr: 'nan' is not a finite number\n"
+                "m.mtl:9: illum: 'two' is not a number\n"
+          "m.mtl:10: Ni: '1e99' is not a finite number\nt.obj:2: v: 'q' is not a number\n" },
+        { "newmtl a\nKa 1 1\n", "m.mtl:2: Ka: 3 numbers expected, not 2\nt.obj:2: v: 'q' is not a number\n" }
+    };
+    size_t i;
+
+    for (i = 0; i < RTT_COUNT(bad); i++)
+        loader_bad("t.obj", bad[i].text, bad[i].reports);
+    for (i = 0; i < RTT_COUNT(bad_mtl); i++) {
+        loader_write("m.mtl", bad_mtl[i].mtl);
+        loader_bad("t.obj", "mtllib m.mtl\nv q\n", bad_mtl[i].reports);
+    }
+    /* What cannot be read at all. */
+    CHECK(!loader_load(loader_path("none.obj")) && strcmp(loader.reports, "none.obj: cannot read it: No such file or directory\n") == 0);
+    CHECK(!loader_load("/.obj") && loader.error.errors == 1);
+    snprintf(loader.path, sizeof loader.path, "%s/folder.obj", loader.folder);
+    CHECK(mkdir(loader.path, 0700) == 0 && !loader_load(loader.path) && strcmp(loader.reports,
+          "folder.obj: cannot read it: not a file\n") == 0);
+    CHECK(rmdir(loader.path) == 0);
+    CHECK(!scene_load(&loader.s, loader_path("none.obj"), NULL, NULL, NULL));       /* nobody listens */
+    loader_clear();
+}
+
+static void rtt_test_obj_warnings(void)
+{
+    static const char *const statements[] = { "vp 0 0", "cstype bspline", "deg 3", "curv 0 1 1 2", "surf 0 1 0 1 1", "parm u 0 1",
+          "trim 0 1 1", "end", "bevel on",
+                                              "c_interp on", "lod 1", "maplib x", "usemap y", "shadow_obj z", "trace_obj z", "mg 1 2",
+                                                    "call a.obj", "csh ls",
+                                              "vw 0 0 1", "t crease 2/1/0", "fo 1 2 3", "some words that no loader knows" };
+    char text[256], first[256];
+    size_t i;
+
+    for (i = 0; i < RTT_COUNT(statements); i++) {
+        snprintf(text, sizeof text, "%s\n%s\n", statements[i], statements[i]);
+        snprintf(first, sizeof first, "t.obj:1: '%.*s' statements are not supported", (int)strcspn(statements[i], " "), statements[i]);
+        loader_warned("t.obj", text, 2, first);
+    }
+    loader_clear();
+}
+
+static void rtt_test_nff_statements(void)
+{
+    static const char view[] = "v\nfrom 1 2 3\nat 0 0 0\nup 0 0 1\nangle 45\nhither 1\nresolution 512 512\n";
+    char text[1024];
+    size_t i;
+
+    snprintf(text, sizeof text, "# comment\nb 0.1 0.2 0.3\n%sl 1 2 3\nl 4 5 6 0.5 0.25 0\nf 1 0.5 0 0.5 0.25 20 0 1\np 4\n0 0 0\n1 0 0\n"
+          "1 1 0 # corner\n0 1 0\n"
+             "s 1 2 3 4\ns 0 0 0 -2\npp 3\n0 0 0 0 0 1\n1 0 0 0 0 2\n0 1 0 1 0 0\nf 1 1 1\nc 0 0 0 1\n0 0 2 1\nc 0 0 0 1 0 0 1 0", view);
+    if (loader_text("t.nff", text, 7 + 4 * SCENE_CONE_SEGMENTS, 3 + 3 * SCENE_CONE_SEGMENTS, 2, 6)) {
+        const scene *s = &loader.s;
+
+        CHECK(s->warnings == 0 && s->has_background && loader_vec3(s->background, 0.1f, 0.2f, 0.3f) && s->has_camera && s->has_lights);
+        CHECK(loader_vec3(s->camera.eye, 1, 2, 3) && loader_vec3(s->camera.look, 0, 0, 0) && loader_vec3(s->camera.up, 0, 0, 1)
+              && s->camera.fov == 45);
+        CHECK(s->light_count == 2 && loader_vec3(s->lights[0].position, 1, 2, 3) && loader_vec3(s->lights[1].color, 0.5f, 0.25f, 0));
+        CHECK(s->lights[0].color.x > 0 && s->lights[0].color.x == s->lights[0].color.z);
+        CHECK(loader_vec3(loader_material(0)->diffuse, 0.5f, 0.25f, 0) && loader_vec3(loader_material(0)->specular, 0.25f, 0.25f, 0.25f));
+        CHECK(loader_material(0)->shininess == 20);
+        CHECK(loader_vec3(loader_material(s->geometry.triangle_count - 1)->diffuse, 1, 1, 1));
+        CHECK(loader_vec3(loader_material(s->geometry.triangle_count)->diffuse, 0.5f, 0.25f, 0));       /* spheres behind the triangles */
+        CHECK(s->spheres[0].radius == 4 && loader_vec3(s->spheres[0].center, 1, 2, 3) && s->spheres[1].radius == 2);
+        CHECK(s->normal_indices[0] == RT_NONE && s->normal_indices[6] != RT_NONE && loader_vec3(s->normals[s->normal_indices[7]], 0, 0, 1));
+        for (i = 0; i < 2 * SCENE_CONE_SEGMENTS; i++) {         /* the cylinder: on its surface, normals across its axis */
+            const float *v = s->vertices + 3 * (7 + i);
+            const rt_vec3 n = s->normals[3 + i / 2];
+
+            CHECK(fabsf(v[0] * v[0] + v[1] * v[1] - 1) < 1e-5f && v[2] == (i % 2 ? 2 : 0) && loader_vec3(n, v[0], v[1], 0));
+        }
+        for (i = 0; i < SCENE_CONE_SEGMENTS; i++)               /* the cone: 45 degrees */
+            CHECK(fabsf(s->normals[3 + SCENE_CONE_SEGMENTS + i].z - 0.70710678f) < 1e-5f);
+        loader_unload();
+    }
+    /* The parts of v in another order, on one line; names in capitals; no camera, no lights. */
+    if (loader_text("T.NFF", "v up 0 1 0 angle 30 at 1 1 1 from 0 0 9\ns 0 0 0 1\n", 0, 0, 1, 1)) {
+        CHECK(loader_vec3(loader.s.camera.eye, 0, 0, 9) && loader.s.camera.fov == 30 && !loader.s.has_lights && loader.s.light_count == 2);
+        loader_unload();
+    }
+    if (loader_text("t.nff", "s 0 0 0 1", 0, 0, 1, 1)) {
+        CHECK(!loader.s.has_camera && !loader.s.has_background && loader_vec3(loader.s.camera.look, 0, 0, 0));
+        loader_unload();
+    }
+    /* A concave polygon, and the order of corners in several lines. */
+    if (loader_text("t.nff", "p\n4 0 0 0 2 1 0 0 2 0\n0.5 1\n0", 4, 2, 0, 1)) {
+        CHECK(fabs(loader_area(0) + loader_area(1) - 1.5) < 1e-6);
+        loader_unload();
+    }
+    loader_warned("t.nff", "tess 4\ns 0 0 0 1 2 2\nf 1 0 0 0.5 0.5 45 0 1 wood.png\nhex 0 0 0 5 10 20\n", 4,
+          "t.nff:1: 'tess' statements are not supported");
+    loader_warned("t.nff", "tpp 3\n0 0 0 0 0 1\n1 0 0\n-1 0 0\n.5 .5 .5\ns 0 0 0 1\n", 1, "t.nff:1: 'tpp' statements are not supported");
+    loader_warned("t.nff", "f 1 0 0 1 0 2 0 1 a b\n", 1, "t.nff:1: f: 'a' is ignored");
+    loader_clear();
+}
+
+static void rtt_test_nff_errors(void)
+{
+    static const struct { const char *text, *reports; } bad[] = {
+        { "s 1 2 3\ns 0 0 0 1\n", "t.nff:1: s: 4 numbers expected, not 3\n" },
+        { "s 1 2", "t.nff:1: s: 4 numbers expected, not 2\n" },
+        { "s 1 2 x 4\ns 1 nan 3 4\ns 1 2 3 1e40\n", "t.nff:1: s: 'x' is not a number\nt.nff:2: s: 'nan' is not a finite number\n"
+              "t.nff:3: s: '1e40' is not a finite number\n" },
+        { "p 2\n0 0 0\n1 1 1\ns 0 0\n", "t.nff:1: p: '2' is not a number of corners, 3 or more\nt.nff:4: s: 4 numbers expected, not 2\n" },
+        { "p\n", "t.nff:1: p: the number of corners is missing\n" },
+        { "p x\np -3\np 3.5\n", "t.nff:1: p: 'x' is not a number of corners, 3 or more\n"
+              "t.nff:2: p: '-3' is not a number of corners, 3 or more\n"
+          "t.nff:3: p: '3.5' is not a number of corners, 3 or more\n" },
+        { "p 3\n0 0 0\n1 0 0\ns 0 0 0 1\np 4294967295\n1 2 3\n", "t.nff:1: p: 3 numbers expected, not 0\n"
+              "t.nff:5: p: 3 numbers expected, not 0\n" },
+        { "pp 3\n0 0 0 0 0 1\n1 0 0 0 y 1\n0 1 0 0 0 1\nb 1\n", "t.nff:3: pp: 'y' is not a number\n"
+              "t.nff:5: b: 3 numbers expected, not 1\n" },
+        { "c 0 0 0 0 0 0 1 0\n", "t.nff:1: c: radii 0 and 0 make no cone\n" },
+        { "c 0 0 0 1 0 0 0 1\n", "t.nff:1: c: the ends are the same point\n" },
+        { "c 0 0 0 1 0 0 1 -1\n", "t.nff:1: c: radii 1 and -1 make no cone\n" },
+        { "c 0 0 0 1\n0 0\n", "t.nff:1: c: 8 numbers expected, not 6\n" },
+        { "l 1 2\nl 1 2 3 4\nl 1 2 3 4 5\n", "t.nff:1: l: 3 numbers expected, not 2\nt.nff:2: l: 3 or 6 numbers expected, not 4\n"
+              "t.nff:3: l: 3 or 6 numbers expected, not 5\n" },
+        { "f 1 0\nb 1 2\n", "t.nff:1: f: 3 numbers expected, not 2\nt.nff:2: b: 3 numbers expected, not 2\n" },
+        { "v\nfrom 0 0 1\nat 0 0 0\nangle 45\n", "t.nff:1: v: no 'up'\n" },
+        { "\nv\nfrom 0 0\nat 0 0 0\n", "t.nff:3: from: 3 numbers expected, not 2\n" },
+        { "v\nfrom 0 0 0\nat 0 0 0\nup 0 1 0\nangle 45\n",
+              "t.nff:1: v: 'at' must differ from 'from', and 'up' not point along the view\n" },
+        { "v\nfrom 0 0 5\nat 0 0 0\nup 0 0 1\nangle 45\n",
+              "t.nff:1: v: 'at' must differ from 'from', and 'up' not point along the view\n" },
+        { "v\nfrom 0 0 5\nat 0 0 0\nup 0 1 0\nangle 180\n", "t.nff:1: v: an angle between 0 and 180 degrees expected\n" },
+        { "v\nfrom 0 0 5\nat 0 0 0\nup 0 1 0\nangle 0\nhither 1\nresolution 5\n", "t.nff:7: resolution: 2 numbers expected, not 1\n" },
+        { "1 2 3\n*\n", "t.nff:1: '1' is not a statement\nt.nff:2: '*' is not a statement\n" }
+    };
+    size_t i;
+
+    for (i = 0; i < RTT_COUNT(bad); i++)
+        loader_bad("t.nff", bad[i].text, bad[i].reports);
+    loader_clear();
+}
+
+static void rtt_test_procedural(void)
+{
+    static const struct { const char *name; size_t triangles, spheres, shapes; } published[] = {
+        { "cornell", 32, 0, 16 },
+        { "balls:1", 2, 10, 11 }, { "balls:2", 2, 91, 92 }, { "balls:3", 2, 820, 821 }, { "balls", 2, 820, 821 }, { "balls:4", 2, 7381,
+              7382 },
+        { "balls:5", 2, 66430, 66431 },
+        { "rings:1", 2 + 30 * 2 * SCENE_CONE_SEGMENTS, 30, 61 }, { "rings:2", 2 + 150 * 2 * SCENE_CONE_SEGMENTS, 150, 301 },
+        { "rings:3", 2 + 420 * 2 * SCENE_CONE_SEGMENTS, 420, 841 }, { "rings:5", 2 + 1650 * 2 * SCENE_CONE_SEGMENTS, 1650, 3301 },
+        { "tetra:1", 4, 0, 4 }, { "tetra:4", 256, 0, 256 }, { "tetra:6", 4096, 0, 4096 },
+        { "cloud:1", 1, 0, 1 }, { "cloud:1000", 1000, 0, 1000 }, { "terrain:2", 2, 0, 2 }, { "terrain:20000", 20000, 0, 20000 },
+        { "sphere:8", 8, 0, 8 }, { "sphere:1000", 960, 0, 960 }, { "sphere:100000", 100488, 0, 100488 }
+    };
+    static const struct { const char *name, *report; } bad[] = {
+        { "balls:0", "balls:0: balls:N needs a whole N from 1 to 8\n" }, { "balls:9", "balls:9: balls:N needs a whole N from 1 to 8\n" },
+        { "rings:-1", "rings:-1: rings:N needs a whole N from 1 to 40\n" }, { "tetra:x",
+              "tetra:x: tetra:N needs a whole N from 1 to 13\n" },
+        { "cloud:", "cloud:: cloud:N needs a whole N from 1 to 100000000\n" }, { "terrain:1.5",
+              "terrain:1.5: terrain:N needs a whole N from 2 to 100000000\n" },
+        { "sphere:99999999999999999999", "sphere:99999999999999999999: sphere:N needs a whole N from 8 to 100000000\n" },
+        { "cornell:1", "cornell:1: cornell takes no number\n" },
+        { "teapot", "teapot: neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N\n" },
+        { "a.ply", "a.ply: neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N\n" },
+        { "", ": neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N\n" },
+        { "ball:3", "ball:3: neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N\n" }
+    };
+    size_t i, k;
+
+    for (i = 0; i < RTT_COUNT(published); i++) {
+        const rt_geometry *g = &loader.s.geometry;
+
+        if (!CHECK(loader_load(published[i].name)))
+            continue;
+        loader_check_whole(published[i].name);
+        if (g->triangle_count != published[i].triangles || g->sphere_count != published[i].spheres
+              || loader.s.shapes != published[i].shapes)
+            rtt_fail("%s: %zu triangles, %zu spheres, %zu shapes", published[i].name, g->triangle_count, g->sphere_count, loader.s.shapes);
+        CHECK(strcmp(loader.s.name, published[i].name) == 0 && loader.s.warnings == 0 && loader.s.bytes_read == 0);
+        for (k = 0; k < g->triangle_count && strncmp(published[i].name, "cloud", 5) != 0; k++)
+            CHECK(loader_area(k) > 0);
+        for (k = 0; k < 3 * g->vertex_count && strncmp(published[i].name, "cloud", 5) == 0; k++)
+            CHECK(loader.s.vertices[k] >= 0 && loader.s.vertices[k] <= 1);
+        loader_unload();
+    }
+    for (i = 0; i < RTT_COUNT(bad); i++) {
+        CHECK(!loader_load(bad[i].name));
+        if (strcmp(loader.reports, bad[i].report) != 0)
+            rtt_fail("%s: %s", bad[i].name, loader.reports);
+    }
+    for (i = 0; i < RTT_COUNT(sn_procedurals); i++)             /* --help names them all */
+        CHECK(strstr(scene_procedural_list(), sn_procedurals[i].name) != NULL);
+}
+
+/* The sphere is closed: every edge lies between two triangles that run along it in opposite directions. */
+static void rtt_test_procedural_sphere(void)
+{
+    size_t i, k, sum = 0, product = 0;
+
+    if (!CHECK(loader_load("sphere:5000")))
+        return;
+    CHECK(loader.s.geometry.vertex_count == loader.s.geometry.triangle_count / 2 + 2);          /* Euler: V - 3T/2 + T = 2 */
+    for (i = 0; i < loader.s.geometry.triangle_count; i++)
+        for (k = 0; k < 3; k++) {
+            uint64_t a = loader.s.indices[3 * i + k], b = loader.s.indices[3 * i + (k + 1) % 3];
+
+            CHECK(a != b);
+            sum += (size_t)(sn_mix(a << 32 | b) - sn_mix(b << 32 | a));                          /* each edge cancels its opposite */
+            product += (size_t)(sn_mix(a * 3 + 1) * sn_mix(b * 5 + 2) - sn_mix(b * 3 + 1) * sn_mix(a * 5 + 2));
+        }
+    CHECK(sum == 0 && product == 0);
+    loader_unload();
+}
+
+static void rtt_test_scene_camera(void)
+{
+    rt_light lights[2];
+
+    if (loader_text("t.obj", "v -0.5 -0.5 -0.5\nv 0.5 0.5 0.5\nv 0.5 0 0\nv 9 9 9\nf 1 2 3\n", 4, 1, 0, 1)) {
+        const rt_camera *c = &loader.s.camera;
+
+        CHECK(!loader.s.has_camera && c->fov == 40 && loader_vec3(c->up, 0, 1, 0) && loader_vec3(c->look, 0, 0, 0));
+        CHECK(fabsf(c->eye.x - 1.26673f) < 1e-5f && fabsf(c->eye.y - 0.921262f) < 1e-5f && fabsf(c->eye.z - 2.07284f) < 1e-5f);
+        CHECK(loader.s.light_count == 2 && !loader.s.has_lights);
+        scene_default_lights(c, lights);
+        CHECK(memcmp(lights, loader.s.lights, sizeof lights) == 0);
+        loader_unload();
+    }
+    if (loader_text("t.obj", "", 0, 0, 0, 0)) {
+        CHECK(loader.s.camera.eye.z > 0.5f && loader_vec3(loader.s.camera.look, 0, 0, 0) && !loader.s.geometry.vertices);
+        loader_unload();
+    }
+    if (loader_text("t.obj", "v 1e7 1e7 1e7\nf 1 1 1\n", 1, 1, 0, 1)) {    /* a point far away: the eye is another point all the same */
+        CHECK(loader.s.camera.eye.x > 1e7f && loader.s.camera.eye.y > 1e7f && loader.s.camera.eye.z > 1e7f);
+        loader_unload();
+    }
+    if (loader_text("t.nff", "s 1 2 3 4\n", 0, 0, 1, 1)) {
+        CHECK(loader_vec3(loader.s.camera.look, 1, 2, 3) && loader.s.camera.eye.z > 7);
+        loader_unload();
+    }
+    loader_clear();
+}
+
+/* The view holds what the scene holds, and a picture of each procedural scene shows something: neither black nor burnt out. */
+static void rtt_test_scene_view(void)
+{
+    static const char *const names[] = { "cornell", "balls:2", "rings:1", "tetra:3", "cloud:300", "terrain:2000", "sphere:200" };
+    size_t i;
+    int k;
+
+    for (i = 0; i < RTT_COUNT(names); i++) {
+        rt_render_options options;
+        rt_accel *accel;
+        rt_scene view;
+        rt_vec3 pixels[32 * 32];
+        int dark = 0, bright = 0;
+
+        if (!CHECK(loader_load(names[i])))
+            continue;
+        if (CHECK_STATUS(rt_build(&accel, &loader.s.geometry, NULL), RT_OK)) {
+            memset(&options, 0, sizeof options);
+            options.width = options.height = 32;
+            view = scene_view(&loader.s, accel);
+            CHECK(view.accel == accel && view.geometry == &loader.s.geometry && view.materials == loader.s.materials
+                  && view.lights == loader.s.lights);
+            CHECK_STATUS(rt_render_tile(&view, &options, 0, 0, 32, 32, pixels, NULL), RT_OK);
+            for (k = 0; k < 32 * 32; k++) {
+                dark += pixels[k].x + pixels[k].y + pixels[k].z < 0.05f;
+                bright += pixels[k].x >= 1 && pixels[k].y >= 1 && pixels[k].z >= 1;
+            }
+            if (dark > 512 || bright > 512)
+                rtt_fail("%s: %d black and %d white of 1024 pixels", names[i], dark, bright);
+            rt_free(accel);
+        }
+        loader_unload();
+    }
+}
+
+static void rtt_test_scene_ppm(void)
+{
+    rt_vec3 picture[6] = { { 0, 0.5f, 1 }, { -1, 2, 1e30f }, { 0.001f, 0.0031308f, 0.01f }, { 0.2f, 0.4f, 0.6f }, { 0.9f, 0.99f, 0.999f },
+          { 0, 0, 0 } };
+    static const unsigned char bytes[12] = { 0, 188, 255, 0, 255, 255, 3, 10, 25, 124, 170, 203 };
+    static const char *const bad[] = { "", "P6", "P5\n1 1\n255\nx", "P6\n0 1\n255\n", "P6\n1 1\n65535\n123456", "P6\n2 2\n255\n12345",
+          "P6\n1 x\n255\n123",
+                                       "P6\n99999 99999\n255\n123", "P6\n1 1\n255", "P6 -1 1 255 123", "P6\n999999999999 1\n255\n" };
+    rt_vec3 *back;
+    char message[256];
+    unsigned char file[64];
+    FILE *in;
+    size_t i;
+    int width, height;
+
+    picture[5].y = nanf("");
+    CHECK(scene_write_ppm(loader_path("p.ppm"), picture, 3, 2, message, sizeof message));
+    in = fopen(loader_path("p.ppm"), "rb");
+    CHECK(in && fread(file, 1, sizeof file, in) == 11 + 18 && memcmp(file, "P6\n3 2\n255\n", 11) == 0 && memcmp(file + 11, bytes,
+          sizeof bytes) == 0);
+    if (in)
+        fclose(in);
+    CHECK(file[11 + 15] == 0 && file[11 + 16] == 0 && file[11 + 17] == 0);                      /* NaN is black */
+    if (CHECK(scene_read_ppm(loader_path("p.ppm"), &back, &width, &height, message, sizeof message))) {
+        CHECK(width == 3 && height == 2 && fabsf(back[0].y - 0.5f) < 0.005f && back[1].x == 0 && back[1].y == 1
+              && fabsf(back[3].z - 0.6f) < 0.005f);
+        CHECK(scene_write_ppm(loader_path("q.ppm"), back, 3, 2, message, sizeof message));      /* and back: the same bytes */
+        loader_free(back);
+        in = fopen(loader_path("q.ppm"), "rb");
+        CHECK(in && fread(file, 1, sizeof file, in) == 11 + 18 && memcmp(file + 11, bytes, sizeof bytes) == 0);
+        if (in)
+            fclose(in);
+    }
+    loader_write("p.ppm", "P6 # comment\n#another\n 1\t1 # x\n255\nABC");
+    if (CHECK(scene_read_ppm(loader_path("p.ppm"), &back, &width, &height, message, sizeof message)))
+        loader_free(back);
+    for (i = 0; i < RTT_COUNT(bad); i++) {
+        loader_write("p.ppm", bad[i]);
+        message[0] = '\0';
+        CHECK(!scene_read_ppm(loader_path("p.ppm"), &back, &width, &height, message, sizeof message) && !back && message[0]);
+    }
+    CHECK(!scene_read_ppm(loader_path("none.ppm"), &back, &width, &height, message, sizeof message) && strstr(message, "No such file"));
+    CHECK(loader_clear() == 2);             /* p and q: no temporary files */
+    loader_path("x");
+    CHECK(!scene_write_ppm(loader_path("no/where.ppm"), picture, 3, 2, message, sizeof message) && strstr(message, "No such file"));
+    CHECK(!scene_write_ppm(loader_path("p.ppm"), picture, 0, 2, message, sizeof message));
+    snprintf(loader.path, sizeof loader.path, "%s/dir", loader.folder);
+    CHECK(mkdir(loader.path, 0700) == 0);
+    CHECK(!scene_write_ppm(loader.path, picture, 3, 2, message, sizeof message));                /* cannot be renamed to a folder */
+    CHECK(rmdir(loader.path) == 0 && loader_clear() == 0);                                      /* and leaves nothing behind */
+}
+
+/* Whichever request for memory fails, the load fails with that message and gives everything back. */
+static void rtt_test_scene_oom(void)
+{
+    static const char wide[] = "\xff\xfev\0 \0" "1\0 \0" "2\0 \0" "3\0\n\0";
+    static const char *const names[] = { "t.obj", "t.nff", "u.obj", "cornell", "rings:1", "balls:1", "tetra:2", "cloud:9", "terrain:8",
+          "sphere:8" };
+    size_t i;
+
+    loader_path("t.obj");
+    for (i = 0; i < RTT_COUNT(names); i++) {
+        bool loaded = false;
+        long n;
+
+        loader_write("m.mtl", "newmtl a\nKd 1 0 0\nnewmtl b\n");
+        loader_write("t.obj", "mtllib none.mtl m.mtl\n" LOADER_SQUARE "v 3 3 3 1 0 0\nvn 0 0 1\nf 1 2 3\nusemtl a\nf 1//1 2//1 3//1\n"
+              "usemtl c # d\nf 1 2 3 4 5\nf 6 7 8 9\n" LOADER_SQUARE);
+        loader_write("t.nff", "l 1 1 1\nf 1 0 0\ns 0 0 0 1\nc 0 0 0 1 0 0 1 1\np 4\n0 0 0 2 1 0 0 2 0 0.5 1 0\npp 3\n"
+              "0 0 0 0 0 1 1 0 0 0 0 1 0 1 0 0 0 1\n");
+        loader_write_bytes("u.obj", wide, sizeof wide - 1);
+        for (n = 1; !loaded && n < 10000; n++) {
+            loader_requests = 0;
+            loader_fail_at = n;
+            loaded = loader_load(i < 3 ? loader_path(names[i]) : names[i]);
+            loader_fail_at = 0;
+            if (!loaded && !strstr(loader.reports, "out of memory"))
+                rtt_fail("%s, request %ld: %s", names[i], n, loader.reports);
+        }
+        CHECK(loaded && n > 3);
+        loader_unload();
+    }
+    loader_clear();
+}
+
+/* Every file of the scenes folder loads, with the counts that its SCENES.md gives, or is one of those that do not deserve to. */
+static size_t loader_count_in(const char *row, const char *word)
+{
+    const char *at = strstr(row, word);
+    size_t number = 0, unit = 1;
+
+    while (at && at > row && (sn_is_digit(at[-1]) || at[-1] == ',')) {
+        at--;
+        if (*at == ',')
+            continue;
+        number += unit * (size_t)(*at - '0');
+        unit *= 10;
+    }
+    return number;
+}
+
+static void rtt_test_scene_files(void)
+{
+    static const struct { const char *file, *report; } deserving[] = {
+        { "nasty/assimp/invalid_malformed.obj", "vertex index 0" }, { "nasty/assimp/number_formats.obj", "'3.1+e2' is not a number" },
+        { "nasty/tinyobjloader/invalid-relative-texture-index.obj", "texture index out of range" },
+        { "nasty/tinyobjloader/invalid-relative-vertex-index.obj", "vertex index out of range" },
+        { "nasty/tinyobjloader/issue-140-zero-face-idx.obj", "vertex index 0" }, { "nasty/tinyobjloader/test-nan.obj",
+              "'nan' is not a finite number" }
+    };
+    static const struct { const char *file, *same; } twins[] = {
+        { "spd/balls_s1.nff", "balls:1" }, { "spd/balls_s2.nff", "balls:2" }, { "spd/balls_s3.nff", "balls:3" }, { "spd/balls_s4.nff",
+              "balls:4" },
+        { "spd/balls_s5.nff", "balls:5" }, { "spd/rings_s1.nff", "rings:1" }, { "spd/rings_s2.nff", "rings:2" }, { "spd/rings_s3.nff",
+              "rings:3" },
+        { "spd/rings_s5.nff", "rings:5" }, { "spd/rings_s7.nff", "rings:7" }, { "spd/tetra_s4.nff", "tetra:4" }, { "spd/tetra_s6.nff",
+              "tetra:6" }
+    };
+    const char *given = getenv("RT_SCENES"), *base = given && given[0] ? given : "../shared/scenes";
+    char path[1024], row[4096];
+    FILE *list;
+    size_t i, k, rows = 0, failed = 0;
+
+    snprintf(path, sizeof path, "%s/SCENES.md", base);
+    list = fopen(path, "r");
+    if (!list) {                            /* no scenes here: rtt_test_procedural holds the published counts */
+        CHECK(!given || !given[0]);
+        return;
+    }
+    while (fgets(row, sizeof row, list)) {
+        const char *end = strchr(row + 2, '|'), *extension;
+        size_t length;
+        bool obj, nff;
+
+        if (strncmp(row, "| ", 2) != 0 || !end)
+            continue;
+        length = (size_t)(end - row - 3);
+        snprintf(path, sizeof path, "%s/%.*s", base, (int)length, row + 2);
+        extension = path + strlen(path) - 4;
+        obj = strcmp(extension, ".obj") == 0;
+        nff = strcmp(extension, ".nff") == 0;
+        if ((!obj && !nff) || (!strstr(end, " triangles (") && !strstr(end, " primitives:")))
+            continue;
+        rows++;
+        for (i = 0; i < RTT_COUNT(deserving) && strncmp(row + 2, deserving[i].file, length) != 0; i++) { }
+        if (loader_load(path)) {
+            loader_check_whole(path);
+            if (i < RTT_COUNT(deserving))
+                rtt_fail("%s loads", path);
+            if (obj && loader.s.geometry.triangle_count != loader_count_in(end, " triangles ("))
+                rtt_fail("%s: %zu triangles", path, loader.s.geometry.triangle_count);
+            if (obj && (loader.s.shapes != loader_count_in(end, " faces)") || loader.s.geometry.vertex_count != loader_count_in(end,
+                  " vertices, ")))
+                rtt_fail("%s: %zu faces, %zu vertices", path, loader.s.shapes, loader.s.geometry.vertex_count);
+            if (nff && (loader.s.shapes != loader_count_in(end, " primitives:")
+                  || loader.s.geometry.sphere_count != loader_count_in(strstr(end, " primitives:"), " spheres")))
+                rtt_fail("%s: %zu shapes, %zu spheres", path, loader.s.shapes, loader.s.geometry.sphere_count);
+            CHECK(strncmp(row + 2, "spd/", 4) != 0 || !nff || (loader.s.has_camera && loader.s.has_background && loader.s.warnings == 0
+                  && loader.s.light_count == loader_count_in(end, " lights")));
+            loader_unload();
+        } else {
+            failed++;
+            if (i == RTT_COUNT(deserving) || !strstr(loader.reports, deserving[i].report))
+                rtt_fail("%s", loader.reports);
+        }
+    }
+    fclose(list);
+    CHECK(rows > 150 && failed == RTT_COUNT(deserving));
+
+    for (i = 0; i < RTT_COUNT(twins); i++) {        /* the procedural ones are the files: same order,
+          same places but for the files' 6 digits */
+        scene file;
+        float most = 0;
+
+        snprintf(path, sizeof path, "%s/%s", base, twins[i].file);
+        if (!CHECK(loader_load(path)))
+            continue;
+        file = loader.s;
+        if (CHECK(scene_load(&loader.s, twins[i].same, NULL, NULL, NULL))) {
+            const rt_geometry *a = &file.geometry, *b = &loader.s.geometry;
+
+            if (CHECK(a->triangle_count == b->triangle_count && a->sphere_count == b->sphere_count && a->vertex_count == b->vertex_count
+                      && file.shapes == loader.s.shapes && file.light_count == loader.s.light_count)) {
+                for (k = 0; k < 3 * a->vertex_count; k++)
+                    most = fmaxf(most, fabsf(file.vertices[k] - loader.s.vertices[k]) / fmaxf(1, fabsf(file.vertices[k])));
+                for (k = 0; k < a->sphere_count; k++)
+                    most = fmaxf(most, fmaxf(fabsf(file.spheres[k].radius - loader.s.spheres[k].radius),
+                                             fabsf(file.spheres[k].center.y - loader.s.spheres[k].center.y) / fmaxf(1,
+                                                   file.spheres[k].center.y)));
+                for (k = 0; k < a->triangle_count + a->sphere_count; k++) {
+                    const rt_vec3 c = file.materials[file.material_ids[k]].diffuse;
+
+                    CHECK(loader_vec3(loader_material(k)->diffuse, c.x, c.y, c.z));
+                }
+                CHECK(most < 1e-5f);
+            }
+            scene_free(&loader.s);
+        }
+        scene_free(&file);
+        CHECK(loader_held == 0);
+    }
+}
+
+/* ---- the pool of threads -------------------------------------------------------------------------------------------- */
+
+typedef struct { pool *workers; int calls[1000], nested; } loader_loop;
+
+static void loader_count_nested(void *context, size_t index)
+{
+    (void)index;
+    __atomic_fetch_add(&((loader_loop *)context)->nested, 1, __ATOMIC_RELAXED);
+}
+
+static void loader_count_call(void *context, size_t index)
+{
+    loader_loop *loop = (loader_loop *)context;
+
+    loop->calls[index]++;                   /* only this call has this index */
+    pool_for(loop->workers, 3, loader_count_nested, loop);
+}
+
+static void *loader_other_caller(void *context)
+{
+    loader_loop *loop = (loader_loop *)context;
+    int i;
+
+    for (i = 0; i < 50; i++)
+        pool_for(loop->workers, 1000, loader_count_call, loop);
+    return NULL;
+}
+
+static void rtt_test_pool(void)
+{
+    static const size_t counts[] = { 0, 1, 2, 7, 1000 };
+    static loader_loop loop, other;
+    int threads;
+    size_t i, k, round;
+    pthread_t caller;
+
+    loader_held = 0;
+    for (threads = 1; threads <= 5; threads++) {
+        loop.workers = other.workers = pool_create(threads);
+        if (!CHECK(loop.workers && pool_threads(loop.workers) == threads))
+            continue;
+        for (i = 0; i < RTT_COUNT(counts); i++)
+            for (round = 0; round < 20; round++) {
+                memset(loop.calls, 0, sizeof loop.calls);
+                loop.nested = 0;
+                pool_for(loop.workers, counts[i], loader_count_call, &loop);
+                for (k = 0; k < 1000; k++)
+                    CHECK(loop.calls[k] == (k < counts[i]));
+                CHECK((size_t)loop.nested == 3 * counts[i]);
+            }
+        memset(loop.calls, 0, sizeof loop.calls);               /* two callers at once */
+        memset(other.calls, 0, sizeof other.calls);
+        CHECK(pthread_create(&caller, NULL, loader_other_caller, &other) == 0);
+        loader_other_caller(&loop);
+        pthread_join(caller, NULL);
+        for (k = 0; k < 1000; k++)
+            CHECK(loop.calls[k] == 50 && other.calls[k] == 50);
+        pool_destroy(loop.workers);
+    }
+    pool_destroy(NULL);
+    loop.workers = pool_create(0);
+    CHECK(loop.workers && pool_threads(loop.workers) >= 1);
+    pool_destroy(loop.workers);
+    CHECK(loader_held == 0);
+    for (k = 1; k < 10; k++) {
+        loader_requests = 0;
+        loader_fail_at = (long)k;
+        loop.workers = pool_create(2);
+        loader_fail_at = 0;
+        CHECK((loop.workers != NULL) == (k > 2));
+        pool_destroy(loop.workers);
+        CHECK(loader_held == 0);
+    }
+}
+
+/* ---- >>main ----------------------------------------------------------------------------------------------------------- */
+
+static const rtt_test rtt_tests[] = {
+    { "oracle", rtt_test_oracle },
+    { "status.strings", rtt_test_status_strings },
+    { "hits.empty", rtt_test_empty },
+    { "hits.few", rtt_test_few },
+    { "hits.random", rtt_test_random },
+    { "hits.far", rtt_test_far },
+    { "hits.grid", rtt_test_grid },
+    { "hits.coplanar", rtt_test_coplanar },
+    { "hits.spheres", rtt_test_spheres },
+    { "hits.sphere-cases", rtt_test_sphere_cases },
+    { "hits.mixed", rtt_test_mixed },
+    { "hits.ties", rtt_test_ties },
+    { "instances.affine", rtt_test_instances },
+    { "instances.skewed", rtt_test_instances_skewed },
+    { "instances.deep", rtt_test_instances_deep },
+    { "instances.paths", rtt_test_instances_paths },
+    { "instances.transform", rtt_test_instance_transform },
+    { "instances.bad", rtt_test_instances_bad },
+    { "ugly.degenerate", rtt_test_degenerate },
+    { "ugly.log-spaced", rtt_test_log_spaced },
+    { "ugly.extremes", rtt_test_extremes },
+    { "ugly.unsplittable", rtt_test_unsplittable },
+    { "ugly.garbage", rtt_test_garbage },
+    { "rays.ugly", rtt_test_ugly_rays },
+    { "rays.intervals", rtt_test_intervals },
+    { "rays.batches", rtt_test_batches },
+    { "watertight.shapes", rtt_test_watertight },
+    { "watertight.grid", rtt_test_watertight_grid },
+    { "watertight.many", rtt_test_watertight_many },
+#if RTI_X86
+    { "watertight.flush-to-zero", rtt_test_flush_to_zero },
+#endif
+    { "refit.moves", rtt_test_refit },
+    { "refit.errors", rtt_test_refit_errors },
+    { "refit.nested", rtt_test_refit_nested },
+    { "build.parallel", rtt_test_parallel },
+    { "build.bad", rtt_test_bad_primitives },
+    { "build.layouts", rtt_test_layouts },
+    { "build.million", rtt_test_million },
+    { "build.quality", rtt_test_quality },
+    { "memory.out-of", rtt_test_out_of_memory },
+    { "options.trace", rtt_test_trace_options },
+    { "options.build", rtt_test_build_options },
+#ifndef RT_NO_STATS
+    { "stats", rtt_test_stats },
+#endif
+    { "threads", rtt_test_threads },
+#ifndef RT_NO_SHADING
+    { "shading.camera", rtt_test_camera },
+    { "shading.render", rtt_test_render },
+    { "shading.errors", rtt_test_render_errors },
+#endif
+    { "loaders.obj.numbers", rtt_test_obj_numbers },
+    { "loaders.obj.lines", rtt_test_obj_lines },
+    { "loaders.obj.polygons", rtt_test_obj_polygons },
+    { "loaders.obj.corners", rtt_test_obj_corners },
+    { "loaders.obj.order", rtt_test_obj_order },
+    { "loaders.obj.colors", rtt_test_obj_colors },
+    { "loaders.obj.materials", rtt_test_obj_materials },
+    { "loaders.obj.errors", rtt_test_obj_errors },
+    { "loaders.obj.warnings", rtt_test_obj_warnings },
+    { "loaders.nff.statements", rtt_test_nff_statements },
+    { "loaders.nff.errors", rtt_test_nff_errors },
+    { "loaders.procedural", rtt_test_procedural },
+    { "loaders.procedural.sphere", rtt_test_procedural_sphere },
+    { "loaders.scene.camera", rtt_test_scene_camera },
+    { "loaders.scene.view", rtt_test_scene_view },
+    { "loaders.scene.ppm", rtt_test_scene_ppm },
+    { "loaders.scene.oom", rtt_test_scene_oom },
+    { "loaders.scene.files", rtt_test_scene_files },
+    { "loaders.pool", rtt_test_pool },
+    { "programs.quick-start", rtt_test_quick_start },
+    { "programs.readme", rtt_test_readme },
+};
+
+int main(int argc, char **argv)
+{
+    int passed = 0, failed = 0, filters = 0;
+
+    setvbuf(stdout, NULL, _IOLBF, 0);       /* a crash loses no line */
+    rtt.seed = 1;
+    rtt.test = "start";
+    for (int i = 1; i < argc; i++)
+        if (strcmp(argv[i], "--list") == 0) {
+            for (size_t t = 0; t < RTT_COUNT(rtt_tests); t++)
+                printf("%s\n", rtt_tests[t].name);
+            return 0;
+        } else if (strcmp(argv[i], "--seed") == 0 && i + 1 < argc)
+            rtt.seed = strtoull(argv[++i], NULL, 0);
+        else if (strcmp(argv[i], "--big") == 0)
+            rtt.big = true;
+        else if (argv[i][0] == '-') {
+            fprintf(stderr, "usage: %s [--list] [--seed N] [--big] [NAME]...\n", argv[0]);
+            return 2;
+        } else
+            argv[1 + filters++] = argv[i];
+    rtt_ways_find();
+    printf("seed %llu, %s, %zu ways to trace\n", (unsigned long long)rtt.seed, rtt_isa_names[rt_best_isa()], rtt_way_count);
+    failed += rtt.failures > 0;             /* a way that should be open is not */
+    for (size_t t = 0; t < RTT_COUNT(rtt_tests); t++) {
+        double start = rtt_seconds();
+        bool wanted = filters == 0;
+
+        for (int i = 1; i <= filters; i++)
+            wanted = wanted || strstr(rtt_tests[t].name, argv[i]);
+        if (!wanted)
+            continue;
+        rtt.test = rtt_tests[t].name;
+        rtt.failures = 0;
+        rtt_tests[t].run();
+        if (rtt_heap.live != 0 || rtt_heap.blocks != 0) {
+            rtt_fail("%zu bytes not freed", rtt_heap.live);
+            rtt_heap.live = rtt_heap.blocks = 0;
+        }
+        printf("%-4s %-22s %6.2f s\n", rtt.failures ? "FAIL" : "ok", rtt.test, rtt_seconds() - start);
+        fflush(stdout);
+        passed += rtt.failures == 0;
+        failed += rtt.failures != 0;
+    }
+    printf("hits checksum: 0x%016llx over %llu rays in %llu cases\n", (unsigned long long)rtt.checksum, (unsigned long long)rtt.rays,
+           (unsigned long long)rtt.cases);
+    printf("%d passed, %d failed, 0 skipped\n", passed, failed);
+    return failed ? 1 : 0;
+}
