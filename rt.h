@@ -2387,6 +2387,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_widen RTI_NAME_(rti_widen)
 #define rti_narrow RTI_NAME_(rti_narrow)
 #define rti_packet RTI_NAME_(rti_packet)
+#define rti_load_rays RTI_NAME_(rti_load_rays)
 #define rti_prepare RTI_NAME_(rti_prepare)
 #define rti_slab RTI_NAME_(rti_slab)
 #define rti_make_slab RTI_NAME_(rti_make_slab)
@@ -2617,7 +2618,7 @@ RTI_FN rti_d rti_product(rti_d a, rti_d b)
 typedef struct {
     float org[3][RTI_WIDTH], dir[3][RTI_WIDTH], tmin[RTI_WIDTH];
     float t[RTI_WIDTH], u[RTI_WIDTH], v[RTI_WIDTH];         /* t starts as tmax */
-    uint32_t prim[RTI_WIDTH], inst[RTI_WIDTH];
+    union { uint32_t id[RTI_WIDTH]; float bits[RTI_WIDTH]; } prim, inst;   /* bits: to select them like floats */
     float rdir[3][RTI_WIDTH];                               /* 1 / dir, bounded */
     float plane[2][3][RTI_WIDTH];                           /* org as rti_vplane wants it, padded, for lower and upper planes */
     float shear[2][RTI_WIDTH];                              /* dir[kx] / dir[kz], dir[ky] / dir[kz] */
@@ -2627,6 +2628,55 @@ typedef struct {
     int side[3];                                            /* uniform directions: 1 where upper planes are met first */
     bool uniform;
 } RTI_ALIGNED(32) rti_packet;
+
+/* Rays as they stand in memory to lanes: a transpose. */
+RTI_FN void rti_load_rays(const rt_ray *rays, rti_packet *p)
+{
+#if RTI_LANES == RTI_LANES_SSE2
+    int half;
+    for (half = 0; half < 2; half++) {      /* org and tmin, then dir and tmax */
+        const float *at = half ? &rays->dir.x : &rays->org.x;
+        __m128 x = _mm_loadu_ps(at), y = _mm_loadu_ps(at + 8), z = _mm_loadu_ps(at + 16), w = _mm_loadu_ps(at + 24);
+        _MM_TRANSPOSE4_PS(x, y, z, w);
+        rti_vstore(half ? p->dir[0] : p->org[0], x);
+        rti_vstore(half ? p->dir[1] : p->org[1], y);
+        rti_vstore(half ? p->dir[2] : p->org[2], z);
+        rti_vstore(half ? p->t : p->tmin, w);
+    }
+#elif RTI_LANES == RTI_LANES_AVX2
+    const float *at = &rays->org.x;
+    __m256 row[4], x, y, z, w;
+    int half, i;
+    for (half = 0; half < 2; half++) {
+        for (i = 0; i < 4; i++)             /* rays i and i + 4 side by side: two 4 x 4 transposes in one */
+            row[i] = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(at + 8 * i + 4 * half)), _mm_loadu_ps(at + 8 * i + 32 + 4 * half), 1);
+        x = _mm256_unpacklo_ps(row[0], row[2]);
+        y = _mm256_unpackhi_ps(row[0], row[2]);
+        z = _mm256_unpacklo_ps(row[1], row[3]);
+        w = _mm256_unpackhi_ps(row[1], row[3]);
+        rti_vstore(half ? p->dir[0] : p->org[0], _mm256_unpacklo_ps(x, z));
+        rti_vstore(half ? p->dir[1] : p->org[1], _mm256_unpackhi_ps(x, z));
+        rti_vstore(half ? p->dir[2] : p->org[2], _mm256_unpacklo_ps(y, w));
+        rti_vstore(half ? p->t : p->tmin, _mm256_unpackhi_ps(y, w));
+    }
+#else
+    int i;
+    for (i = 0; i < RTI_WIDTH; i++) {
+        p->org[0][i] = rays[i].org.x;
+        p->org[1][i] = rays[i].org.y;
+        p->org[2][i] = rays[i].org.z;
+        p->tmin[i] = rays[i].tmin;
+        p->dir[0][i] = rays[i].dir.x;
+        p->dir[1][i] = rays[i].dir.y;
+        p->dir[2][i] = rays[i].dir.z;
+        p->t[i] = rays[i].tmax;
+    }
+#endif
+    rti_vstore(p->u, rti_vset(0));
+    rti_vstore(p->v, rti_vset(0));
+    rti_vstore(p->prim.bits, rti_vset(0));
+    rti_vstore(p->inst.bits, rti_vset(0));
+}
 
 /* Fills what follows from org, dir, tmin, t; answers the lanes that hold a legal ray.
 
@@ -2746,23 +2796,14 @@ RTI_FN unsigned rti_accept(rti_packet *p, unsigned lanes, rti_v t, rti_v u, rti_
     if (RTI_UNLIKELY(ties)) {               /* at equal t the ids decide; against tmax nothing wins (its ids are 0) */
         int i;
         for (i = 0; i < RTI_WIDTH; i++)
-            if (ties >> i & 1 && (flags & RTI_WALK_ANY || inst > p->inst[i] || (inst == p->inst[i] && prim >= p->prim[i]))) closer &= ~(1u << i);
+            if (ties >> i & 1 && (flags & RTI_WALK_ANY || inst > p->inst.id[i] || (inst == p->inst.id[i] && prim >= p->prim.id[i]))) closer &= ~(1u << i);
     }
     if (!closer || flags & RTI_WALK_ANY) return closer;
-    if (RTI_WIDTH == 1) {
-        rti_vstore(p->t, t);
-        rti_vstore(p->u, u);
-        rti_vstore(p->v, v);
-        p->prim[0] = prim;
-        p->inst[0] = inst;
-    } else {
-        float *prims = (float *)(void *)p->prim, *insts = (float *)(void *)p->inst;
-        rti_vstore(p->t, rti_vselect(closer, t, best));
-        rti_vstore(p->u, rti_vselect(closer, u, rti_vload(p->u)));
-        rti_vstore(p->v, rti_vselect(closer, v, rti_vload(p->v)));
-        rti_vstore(prims, rti_vselect(closer, rti_vid(prim), rti_vload(prims)));
-        rti_vstore(insts, rti_vselect(closer, rti_vid(inst), rti_vload(insts)));
-    }
+    rti_vstore(p->t, rti_vselect(closer, t, best));
+    rti_vstore(p->u, rti_vselect(closer, u, rti_vload(p->u)));
+    rti_vstore(p->v, rti_vselect(closer, v, rti_vload(p->v)));
+    rti_vstore(p->prim.bits, rti_vselect(closer, rti_vid(prim), rti_vload(p->prim.bits)));
+    rti_vstore(p->inst.bits, rti_vselect(closer, rti_vid(inst), rti_vload(p->inst.bits)));
     return closer;
 }
 
@@ -2921,9 +2962,9 @@ RTI_FN unsigned rti_hit_instances(const rt_accel *accel, rti_packet *p, unsigned
             inner.t[i] = p->t[i];
             inner.u[i] = p->u[i];
             inner.v[i] = p->v[i];
-            inner.prim[i] = p->prim[i];
-            inner.inst[i] = p->inst[i];
         }
+        inner.prim = p->prim;
+        inner.inst = p->inst;
         legal = rti_prepare(in->accel, &inner, lanes);
         if (!legal) continue;
         hit = rti_walk(in->accel, &inner, legal, inst + 1 + in->base, flags, stats);
@@ -2936,8 +2977,8 @@ RTI_FN unsigned rti_hit_instances(const rt_accel *accel, rti_packet *p, unsigned
                     p->t[i] = inner.t[i];
                     p->u[i] = inner.u[i];
                     p->v[i] = inner.v[i];
-                    p->prim[i] = inner.prim[i];
-                    p->inst[i] = inner.inst[i];
+                    p->prim.id[i] = inner.prim.id[i];
+                    p->inst.id[i] = inner.inst.id[i];
                 }
     }
     return found;
@@ -3060,22 +3101,16 @@ RTI_NOINLINE RTI_TARGET void rti_batch(const rt_accel *accel, const rti_job *job
     size_t first;
     for (first = 0; first < count; first += RTI_WIDTH) {
         const int n = count - first < RTI_WIDTH ? (int)(count - first) : RTI_WIDTH;
+        const rt_ray *from = rays + first;
+        rt_ray padded[RTI_WIDTH];
         unsigned live, found;
         rti_packet p;
         int i;
-        for (i = 0; i < RTI_WIDTH; i++) {   /* missing rays repeat the last and are not traced */
-            const rt_ray *ray = &rays[first + (size_t)(i < n ? i : n - 1)];
-            p.org[0][i] = ray->org.x;
-            p.org[1][i] = ray->org.y;
-            p.org[2][i] = ray->org.z;
-            p.dir[0][i] = ray->dir.x;
-            p.dir[1][i] = ray->dir.y;
-            p.dir[2][i] = ray->dir.z;
-            p.tmin[i] = ray->tmin;
-            p.t[i] = ray->tmax;
-            p.u[i] = p.v[i] = 0;
-            p.prim[i] = p.inst[i] = 0;
+        if (n < RTI_WIDTH) {                /* missing rays repeat the last and are not traced */
+            for (i = 0; i < RTI_WIDTH; i++) padded[i] = from[i < n ? i : n - 1];
+            from = padded;
         }
+        rti_load_rays(from, &p);
         live = rti_prepare(accel, &p, RTI_ALL_LANES >> (RTI_WIDTH - n));
 #if RTI_STATS
         if (job->stats) job->stats->rays += (uint64_t)rti_bit_count(live);
@@ -3089,8 +3124,8 @@ RTI_NOINLINE RTI_TARGET void rti_batch(const rt_accel *accel, const rti_job *job
                 hit->t = p.t[i];
                 hit->u = p.u[i];
                 hit->v = p.v[i];
-                hit->prim = p.prim[i];
-                hit->inst = p.inst[i];
+                hit->prim = p.prim.id[i];
+                hit->inst = p.inst.id[i];
             }
         }
     }
@@ -3130,6 +3165,7 @@ RTI_NOINLINE RTI_TARGET void rti_batch(const rt_accel *accel, const rti_job *job
 #undef rti_widen
 #undef rti_narrow
 #undef rti_packet
+#undef rti_load_rays
 #undef rti_prepare
 #undef rti_slab
 #undef rti_make_slab

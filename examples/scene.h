@@ -668,7 +668,7 @@ static void sn_add_polygon(sn_builder *b, const sn_corner *corners, size_t count
         for (i = 2; i < count; i++) sn_add_triangle(b, corners[0], corners[i - 1], corners[i]);
         return;
     }
-    b->ear_budget += 1024 * (uint64_t)count;
+    b->ear_budget += 256 * (uint64_t)count;
     while (left > 3) {
         const sn_clip_corner corner = c[at];
         const double turn = sn_turn(&c[corner.prev], &c[at], &c[corner.next]);

@@ -251,6 +251,17 @@ static rt_vec3 rtt_point(rtt_random *random, rt_vec3 center, float size)
     return rtt_add(center, rtt_mul(v, size));
 }
 
+/* Whole coordinates in [-most, most]. (Random arguments of one call would come in the order that a compiler likes.) */
+static rt_vec3 rtt_lattice(rtt_random *random, uint32_t most)
+{
+    rt_vec3 v;
+
+    v.x = (float)rtt_below(random, 2 * most + 1) - (float)most;
+    v.y = (float)rtt_below(random, 2 * most + 1) - (float)most;
+    v.z = (float)rtt_below(random, 2 * most + 1) - (float)most;
+    return v;
+}
+
 /* A unit axis: 0..5 = +x -x +y -y +z -z. */
 static rt_vec3 rtt_axis(unsigned which)
 {
@@ -1181,8 +1192,7 @@ static void rtt_test_grid(void)
                     rtt_segment(&rays, rtt_add(p, rtt_mul(rtt_axis(axis), -9)), rtt_axis(axis), 0, INFINITY);
                 }
         for (int i = 0; i < 300; i++) {     /* diagonals from and through lattice points */
-            rt_vec3 dir = rtt_v((float)rtt_below(&random, 3) - 1, (float)rtt_below(&random, 3) - 1, (float)rtt_below(&random, 3) - 1);
-            rt_vec3 p = rtt_v((float)rtt_below(&random, 6), (float)rtt_below(&random, 6), (float)rtt_below(&random, 6));
+            rt_vec3 dir = rtt_lattice(&random, 1), p = rtt_add(rtt_lattice(&random, 3), rtt_v(3, 3, 3));
 
             rtt_segment(&rays, i % 2 ? p : rtt_sub(p, rtt_mul(dir, 8)), dir, i % 3 ? 0 : -100, INFINITY);
         }
@@ -1207,8 +1217,10 @@ static void rtt_test_coplanar(void)
         for (int i = 0; i < 200; i++) {
             rt_vec3 corner[3];
 
-            for (int k = 0; k < 3; k++)
-                corner[k] = rtt_add(rtt_mul(u, rtt_signed(&random)), rtt_mul(v, rtt_signed(&random)));
+            for (int k = 0; k < 3; k++) {
+                corner[k] = rtt_mul(u, rtt_signed(&random));
+                corner[k] = rtt_add(corner[k], rtt_mul(v, rtt_signed(&random)));
+            }
             rtt_face(&model, corner[0], corner[1], corner[2]);
         }
         rtt_rays_mixed(&rays, &random, rtt_origin, 1, 200);
@@ -1701,8 +1713,11 @@ static void rtt_test_extremes(void)
         float size = kind == 0 ? 0x1p-140f : kind == 1 ? 0x1p-126f : kind == 2 ? 0.99e18f : kind == 3 ? 1e17f : 1;
         rt_vec3 center = kind < 4 ? rtt_origin : kind == 4 ? rtt_v(131072, -131072, 131072) : rtt_v(1e10f, 3, -5);
 
-        for (int i = 0; i < 200; i++)
-            rtt_face(&model, rtt_point(&random, center, size), rtt_point(&random, center, size), rtt_point(&random, center, size));
+        for (int i = 0; i < 200; i++) {
+            rt_vec3 a = rtt_point(&random, center, size), b = rtt_point(&random, center, size), c = rtt_point(&random, center, size);
+
+            rtt_face(&model, a, b, c);
+        }
         if (kind == 2) {
             rtt_quad(&model, rtt_v(-RT_MAX_COORDINATE, -RT_MAX_COORDINATE, -RT_MAX_COORDINATE), rtt_v(2e18f, 0, 0), rtt_v(0, 2e18f, 0));
             rtt_quad(&model, rtt_v(-RT_MAX_COORDINATE, -RT_MAX_COORDINATE, RT_MAX_COORDINATE), rtt_v(2e18f, 0, 0), rtt_v(0, 2e18f, 0));
@@ -1770,8 +1785,11 @@ static void rtt_test_garbage(void)
             if (!(fabsf(p.x) > 1e17f && fabsf(p.x) < 2e18f))            /* centre + radius near the limit is for other tests */
                 rtt_ball(&model, p, k % 3 ? p.x : rtt_log(&random, -20, 20));
         }
-        for (int k = 0; k < 60; k++)
-            rtt_triangle(&model, rtt_below(&random, 62), rtt_below(&random, 60), rtt_below(&random, 60));
+        for (int k = 0; k < 60; k++) {
+            uint32_t a = rtt_below(&random, 62), b = rtt_below(&random, 60);
+
+            rtt_triangle(&model, a, b, rtt_below(&random, 60));
+        }
         rtt_triangle(&model, 0, 1, RT_NONE);
         for (size_t k = 0; k < model.sphere_count; k++)                /* extents that overflow only together with the centre */
             if (fabsf(model.spheres[k].center.x) > 1e17f || fabsf(model.spheres[k].center.y) > 1e17f
@@ -1814,8 +1832,10 @@ static void rtt_ugly_rays(rtt_rays *rays, rtt_random *random)
         }
     for (size_t i = 0; i < RTT_COUNT(ends); i++)
         for (size_t j = 0; j < RTT_COUNT(ends); j++) {
+            rt_vec3 p = rtt_point(random, rtt_origin, 1);
+
             rtt_segment(rays, rtt_v(0.1f, 0.2f, -3), rtt_v(0, 0, 1), ends[i], ends[j]);
-            rtt_segment(rays, rtt_point(random, rtt_origin, 1), rtt_point(random, rtt_origin, 1), ends[i], ends[j]);
+            rtt_segment(rays, p, rtt_point(random, rtt_origin, 1), ends[i], ends[j]);
         }
 }
 
@@ -1976,8 +1996,7 @@ static void rtt_check_closed(const char *what, const rtt_model *model, const rtt
 static void rtt_rays_inside(rtt_rays *rays, rtt_random *random, const rtt_model *mesh, rt_vec3 center, float room, size_t count)
 {
     for (size_t i = 0; i < count; i++) {
-        rt_vec3 lattice = rtt_v((float)rtt_below(random, 9) - 4, (float)rtt_below(random, 9) - 4, (float)rtt_below(random, 9) - 4);
-        rt_vec3 from = rtt_to(lattice, rtt_f(room * 0.25f), center), dir = rtt_point(random, rtt_origin, 1);
+        rt_vec3 from = rtt_to(rtt_lattice(random, 4), rtt_f(room * 0.25f), center), dir = rtt_point(random, rtt_origin, 1);
 
         if (i % 4 == 0 && (dir.x != 0 || dir.y != 0 || dir.z != 0))
             rtt_segment(rays, from, dir, 0, INFINITY);
