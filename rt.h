@@ -1326,7 +1326,8 @@ static void rti_fill_instance(rti_instance *i, const rt_geometry *geo)
 
 /* How far, beyond its own box, rounding can carry a hit inside an instance: a ray from o errs by at most 2^-24 spread (|o| + extent) in
    world space, see rti_prepare. Through one instance M the transformed origin and direction err by 2 units of 2^-24 each, stretched
-   by C = |M| |M^-1|; the child's own error (16 units of |o'| + extent', plus its spread) comes back stretched too. */
+   by C = |M| |M^-1|; the child's own error (16 units of |o'| + extent', plus its spread) comes back stretched too. The child's underflows, of the
+   order of 1e-37, are stretched as well: counting at least 1e-31 as its extent covers them (2^-24 * 40 C * 2e-31 > 1e-37). */
 static void rti_set_reach(rt_accel *accel)
 {
     int k;
@@ -1342,7 +1343,7 @@ static void rti_set_reach(rt_accel *accel)
         for (i = 0; i < accel->slots[RTI_INSTANCE]; i++) {
             const rti_instance *in = &accel->instances[i];
             double stretch = rti_stretch(in->transform), c = stretch * rti_stretch(in->inverse);
-            double extent = stretch * (double)in->accel->extent, spread = c * (40 + 2 * (double)in->accel->spread);
+            double extent = stretch * ((double)in->accel->extent + 1e-31), spread = c * (40 + 2 * (double)in->accel->spread);
             for (k = 0; k < 3; k++)
                 if (extent < fabs((double)in->transform[4 * k + 3])) extent = fabs((double)in->transform[4 * k + 3]);
             extent *= 2;                    /* stretch * child + |translation| */
@@ -2888,17 +2889,18 @@ RTI_FN rti_d rti_dot_exact(const rti_d a[3], const rti_d b[3])
     return rti_dadd(rti_dadd(rti_product(a[0], b[0]), rti_product(a[1], b[1])), rti_product(a[2], b[2]));
 }
 
-/* [Haines], in double: the discriminant from the vector between the centre and the ray's nearest point, and the roots without
-   a difference of near numbers. */
+/* [Haines], in double: the discriminant from the vector between the centre and the ray's nearest point. The roots lie around that point by
+   root, at most the radius, whatever was rounded: so a hit never leaves the sphere's box. (c / q for the smaller root can: it is noise over noise
+   where a ray starts on the sphere along a tangent, and no better elsewhere, since c cancels just as much.) */
 RTI_FN unsigned rti_hit_spheres(const rt_accel *accel, rti_packet *p, unsigned lanes, const rti_node *leaf, uint32_t inst, int flags)
 {
     unsigned found = 0;
     uint32_t i;
     for (i = 0; i < rti_leaf_count(leaf); i++) {
         rti_ball ball, *b = &ball;
-        rti_d to[3], dir[3], off[3], a, half, k, disc, root, c, q, at, near_t, far_t;
+        rti_d to[3], dir[3], off[3], a, half, k, disc, root;
         rti_v tn, tf;
-        unsigned hit, ahead, moves;
+        unsigned hit;
         int axis;
         if (accel->balls) b = &accel->balls[leaf->index + i];
         else {
@@ -2917,16 +2919,8 @@ RTI_FN unsigned rti_hit_spheres(const rt_accel *accel, rti_packet *p, unsigned l
         hit = lanes & ~rti_dlt(disc, rti_dset(0));
         if (!hit) continue;
         root = rti_dsqrt(rti_dmul(a, disc));
-        c = rti_dsub(rti_dot_exact(to, to), rti_product(rti_dset((double)b->radius), rti_dset((double)b->radius)));
-        ahead = ~rti_dlt(half, rti_dset(0)) & RTI_ALL_LANES;
-        q = rti_dselect(ahead, rti_dadd(half, root), rti_dsub(half, root));
-        at = rti_ddiv(q, a);
-        c = rti_ddiv(c, q);
-        near_t = rti_dselect(ahead, c, at);
-        far_t = rti_dselect(ahead, at, c);
-        moves = rti_dlt(q, rti_dset(0)) | rti_dlt(rti_dset(0), q);                 /* else tangent where the ray starts */
-        tn = rti_narrow(rti_dselect(moves, near_t, rti_dset(0)));
-        tf = rti_narrow(rti_dselect(moves, far_t, rti_dset(0)));
+        tn = rti_narrow(rti_ddiv(rti_dsub(half, root), a));
+        tf = rti_narrow(rti_ddiv(rti_dadd(half, root), a));
         found |= hit = rti_accept(p, hit, rti_vselect(rti_vlt(rti_vload(p->tmin), tn), tn, tf), rti_vset(0), rti_vset(0), b->prim, inst, flags);
         if (flags & RTI_WALK_ANY && !(lanes &= ~hit)) break;
     }

@@ -471,7 +471,7 @@ static double rtt_dot(const double a[3], const double b[3])
 static bool rtt_meet_sphere(const rt_ray *ray, const rt_sphere *sphere, rt_hit *hit)
 {
     double d[3] = { (double)ray->dir.x, (double)ray->dir.y, (double)ray->dir.z }, oc[3], l[3];
-    double radius = (double)sphere->radius, a, b, c, k, disc, s, q, nearer, farther;
+    double radius = (double)sphere->radius, a, b, k, disc, s, nearer, farther;
 
     oc[0] = rtt_d((double)sphere->center.x - (double)ray->org.x);
     oc[1] = rtt_d((double)sphere->center.y - (double)ray->org.y);
@@ -485,10 +485,8 @@ static bool rtt_meet_sphere(const rt_ray *ray, const rt_sphere *sphere, rt_hit *
     if (disc < 0)
         return false;
     s = rtt_d(sqrt(rtt_d(a * disc)));
-    c = rtt_d(rtt_dot(oc, oc) - rtt_d(radius * radius));
-    q = b >= 0 ? rtt_d(b + s) : rtt_d(b - s);
-    nearer = q == 0 ? 0 : b >= 0 ? rtt_d(c / q) : rtt_d(q / a);
-    farther = q == 0 ? 0 : b >= 0 ? rtt_d(q / a) : rtt_d(c / q);
+    nearer = rtt_d(rtt_d(b - s) / a);
+    farther = rtt_d(rtt_d(b + s) / a);
     hit->t = (float)nearer > ray->tmin ? (float)nearer : (float)farther;
     hit->u = hit->v = 0;
     return true;
@@ -1146,25 +1144,33 @@ static void rtt_test_random(void)
     }
 }
 
-/* Boxes that a ray must not miss by rounding although the triangle test, which rounds too, finds the triangle: small things seen
-   from afar, on their outlines. */
+/* Boxes that a ray must not miss by rounding although the triangle test, which rounds too, finds the triangle: outlines of small things
+   seen from afar, of things afar seen from about the origin, and of both afar. */
 static void rtt_test_far(void)
 {
     rtt_random random = rtt_stream();
 
-    for (int exponent = 0; exponent <= 40; exponent += 4) {
-        rtt_model model = { 0 };
-        rtt_rays rays = { 0 };
-        rt_vec3 center = rtt_point(&random, rtt_origin, 4);
+    for (int exponent = 0; exponent <= 40; exponent += 4)
+        for (int kind = 0; kind < 3; kind++) {
+            rtt_model model = { 0 };
+            rtt_rays rays = { 0 };
+            float distance = ldexpf(1, exponent), size = exponent > 16 && kind ? ldexpf(1, exponent - 16) : 1;
+            rt_vec3 center = rtt_point(&random, rtt_origin, kind ? distance : 4);
 
-        rtt_cloud(&model, &random, 60, center, 1, 0.02f);
-        rtt_balls(&model, &random, 20, center, 1, 0.02f);
-        rtt_quad(&model, rtt_add(center, rtt_v(2, 0, 0)), rtt_v(0, 1, 0), rtt_v(0, 0, 1));
-        rtt_rays_features(&rays, &random, &model, ldexpf(1, exponent), 500);
-        rtt_check("far", &model, &rays);
-        rtt_model_free(&model);
-        rtt_rays_free(&rays);
-    }
+            rtt_cloud(&model, &random, 40, center, size, 0.02f * size);
+            rtt_balls(&model, &random, 10, center, size, 0.02f * size);
+            rtt_quad(&model, rtt_add(center, rtt_v(2 * size, 0, 0)), rtt_v(0, size, 0), rtt_v(0, 0, size));
+            if (kind != 1)
+                rtt_rays_features(&rays, &random, &model, distance, 250);
+            for (int i = 0; kind == 1 && i < 250; i++) {
+                rt_vec3 from = rtt_point(&random, rtt_origin, i % 2 ? 0 : size);
+
+                rtt_aim(&rays, from, rtt_feature(&model, &random));
+            }
+            rtt_check("far", &model, &rays);
+            rtt_model_free(&model);
+            rtt_rays_free(&rays);
+        }
 }
 
 /* A grid of squares and a lattice of cubes on whole numbers; rays through corners, along edges, and in the planes of faces and boxes. */
@@ -1402,29 +1408,56 @@ static void rtt_test_instances(void)
         }
 }
 
-/* Needles, plates and one-axis scalings: boxes in object space are far from those in the world. */
+/* a after b, as placed transforms; rounded like everything here. */
+static void rtt_concat(const float a[12], const float b[12], float out[12])
+{
+    for (int column = 0; column < 4; column++) {
+        rt_vec3 p = rtt_transform(a, rtt_v(b[column], b[4 + column], b[8 + column]));
+
+        if (column < 3)                     /* a direction: without a's translation */
+            p = rtt_sub(p, rtt_v(a[3], a[7], a[11]));
+        out[column] = p.x, out[4 + column] = p.y, out[8 + column] = p.z;
+    }
+}
+
+/* Needles, plates and one-axis scalings, also turned, near and afar: boxes in object space have little to do with those in the world. */
 static void rtt_test_instances_skewed(void)
 {
-    static const float squeeze[][3] = { { 1e-4f, 1, 1 }, { 1, 1e4f, 1 }, { 1e3f, 1, 1e-3f }, { -1e-4f, -1e-4f, 1e4f } };
+    static const float squeeze[][3] = { { 1e-3f, 1, 1 }, { 1, 1e4f, 1 }, { 1e3f, 1, 1e-3f }, { -1e-4f, -1e-4f, 1e4f } };
     rtt_random random = rtt_stream();
 
-    for (size_t s = 0; s < RTT_COUNT(squeeze); s++) {
-        rtt_model child = { 0 }, world = { 0 };
-        rtt_rays rays = { 0 };
-        float shear[12] = { 1, 0, 0, 0, 1e3f, 1, 0, 0, 0, -1e3f, 1, 0 };
+    for (size_t s = 0; s < RTT_COUNT(squeeze); s++)
+        for (int afar = 0; afar < 2; afar++) {
+            rtt_model child = { 0 }, box = { 0 }, world = { 0 };
+            rtt_rays rays = { 0 };
+            float turn[12], squash[12], matrix[12], shear[12] = { 1, 0, 0, 0, 1e3f, 1, 0, 0, 0, -1e3f, 1, 0 };
+            rt_vec3 center = rtt_point(&random, rtt_origin, afar ? 1e6f : 3);
 
-        rtt_cube(&child, 2, true, 1, rtt_origin);
-        rtt_place(&world, &child, rtt_v(squeeze[s][0], squeeze[s][1], squeeze[s][2]), rtt_point(&random, rtt_origin, 3));
-        rtt_place(&world, &child, rtt_v(squeeze[s][2], squeeze[s][0], squeeze[s][1]), rtt_point(&random, rtt_origin, 3));
-        rtt_instance(&world, &child, shear);
-        for (int e = -4; e <= 20; e += 4)
-            rtt_rays_features(&rays, &random, &world, ldexpf(1, e), 100);
-        rtt_rays_tighten(&rays, &world, 50);
-        rtt_check("instances skewed", &world, &rays);
-        rtt_model_free(&world);
-        rtt_model_free(&child);
-        rtt_rays_free(&rays);
-    }
+            rtt_cube(&child, 2, true, 1, rtt_origin);
+            rtt_cube(&box, 1, false, 1, rtt_origin);              /* its corners reach those of its bounds */
+            rtt_place(&world, &child, rtt_v(squeeze[s][0], squeeze[s][1], squeeze[s][2]), center);
+            rtt_instance(&world, &child, shear);
+            for (int i = 0; i < 6; i++) {
+                memset(squash, 0, sizeof squash);
+                squash[0] = squeeze[s][0], squash[5] = squeeze[s][1], squash[10] = squeeze[s][2];
+                rtt_matrix(&random, 1, rtt_origin, turn);
+                rtt_concat(squash, turn, matrix);
+                rtt_matrix(&random, 1, rtt_origin, turn);
+                rtt_concat(turn, matrix, squash);
+                squash[3] = center.x, squash[7] = center.y, squash[11] = center.z;
+                rtt_instance(&world, i % 3 ? &box : &child, squash);
+            }
+            for (int e = -4; e <= 24; e += 4)
+                rtt_rays_features(&rays, &random, &world, ldexpf(1, e), 80);
+            for (int i = 0; i < 200; i++)
+                rtt_aim(&rays, rtt_origin, rtt_feature(&world, &random));
+            rtt_rays_tighten(&rays, &world, 50);
+            rtt_check("instances skewed", &world, &rays);
+            rtt_model_free(&world);
+            rtt_model_free(&child);
+            rtt_model_free(&box);
+            rtt_rays_free(&rays);
+        }
 }
 
 /* As deep as allowed, two instances and a triangle of its own a level; hits must name the right path. */
@@ -1808,8 +1841,8 @@ static void rtt_test_garbage(void)
 
 static void rtt_ugly_rays(rtt_rays *rays, rtt_random *random)
 {
-    static const float odd[] = { NAN, INFINITY, -INFINITY, 0.0f, -0.0f, 0x1p-149f, -0x1p-149f, 1e-38f, 1e-30f, 1e-19f, RT_MIN_DIRECTION,
-                                 1e-10f, 1, -1, 1e10f, RT_MAX_DIRECTION, 1.0001e18f, -2e18f, FLT_MAX };
+    static const float odd[] = { NAN, INFINITY, -INFINITY, 0.0f, -0.0f, 0x1p-149f, -0x1p-149f, 1e-38f, 1e-30f, 9.9999e-19f,
+                                 RT_MIN_DIRECTION, 1e-10f, 1, -1, 1e10f, RT_MAX_DIRECTION, 1.0001e18f, -2e18f, FLT_MAX };
     static const float ends[] = { NAN, INFINITY, -INFINITY, 0.0f, -0.0f, -1, 1, 2.5f, 0x1p-149f, FLT_MAX, -FLT_MAX };
 
     for (size_t i = 0; i < RTT_COUNT(odd); i++)
