@@ -11,7 +11,6 @@ FLAGS_scalar   = -O2 -DRT_NO_SIMD
 FLAGS_asan     = -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
 FLAGS_tsan     = -O1 -g -fsanitize=thread
 FLAGS_valgrind = -O1 -g
-CFLAGS ?= $(FLAGS_$(config))
 B      := build$(if $(filter-out release,$(config)),/$(config))
 
 # 1 where a program with Embree 3 links
@@ -26,7 +25,7 @@ need = @command -v $(1) >/dev/null || $(SUDO) apt-get install -y -q $(2) >/dev/n
 
 all: $(B)/render $(B)/hello $(B)/bench $(B)/rt_test
 
-COMPILE = $(CC) -std=c99 $(WARN) $(CFLAGS) -I. -MMD -MP -MF $@.d -o $@ $<
+COMPILE = $(CC) -std=c99 $(WARN) $(FLAGS_$(config)) $(CFLAGS) -I. -MMD -MP -MF $@.d -o $@ $<
 $(B)/%: examples/%.c | $(B)
 	$(COMPILE) $(LIBS)
 $(B)/%: tests/%.c | $(B)

@@ -24,8 +24,8 @@
    CONTENTS (search for the tag)
 
        declarations    >>config   >>types     >>status   >>geometry  >>build   >>query   >>shading-api
-       implementation  >>platform >>memory    >>math     >>validate  >>bins    >>bvh     >>refit    >>info
-                       >>ray      >>instance  >>passes   >>algorithms >>public  >>shading
+       implementation  >>platform >>memory    >>math     >>layout    >>instance >>validate >>bins    >>bvh
+                       >>refit    >>info      >>ray      >>passes    >>algorithms >>public >>shading
        one pass a SIMD width (this file includes itself)  >>wide  >>boxes  >>primitives  >>traverse
        license         >>license
 
@@ -40,7 +40,7 @@
      empty scene Legal: every ray misses.
      bad rays    A ray that is not finite (tmin and tmax may be infinite), whose org lies outside +-RT_MAX_COORDINATE or
                  whose largest |dir| component lies outside [RT_MIN_DIRECTION, RT_MAX_DIRECTION] misses. So does
-                 one with tmin >= tmax.
+                 one with tmin >= tmax. The same limits hold in the object space of each instance that it enters.
      rounding    The promise of equal bits is for round-to-nearest. With flush-to-zero set by the program hits stay watertight
                  and equal among the algorithms.
 
@@ -53,14 +53,15 @@
 
    MEMORY
 
-     An accel takes 32 bytes a node (at most 2 n - 1 nodes, about 0.9 n on meshes), 40 bytes a triangle (4 with opt->reference),
-     20 bytes a sphere (4), 128 bytes an instance. While building: 64 bytes a primitive and 64 bytes a primitive for nodes more,
-     all released before rt_build returns. rt_get_info tells what one accel holds.
+     An accel takes 32 bytes a node (at most 2 n - 1 nodes, about n on meshes), 40 bytes a triangle (4 with opt->reference),
+     20 bytes a sphere (4), 120 bytes an instance. While building 128 bytes a primitive more, half of them for nodes, all released
+     before rt_build returns. rt_get_info tells what one accel holds. Stack: 2 KiB for a single ray, 9 KiB for a packet, and as
+     much again for each level of instances.
 
    MACROS, each defined before the include
 
        RT_IMPLEMENTATION    emit the code here (one file of the program)
-       RT_STATIC            make every function static to this file
+       RT_STATIC            with RT_IMPLEMENTATION: make every function static to this file, so that several files may have their own
        RT_MALLOC(n, user), RT_FREE(p, user)   your allocator; user is rt_build_options.memory_user. Both or neither
        RT_ASSERT(x)         misuse by the programmer; default assert()
        RT_SELF              the name this file includes itself by; default "rt.h"
@@ -69,6 +70,7 @@
        RT_NO_SPHERES, RT_NO_INSTANCES   leave these primitives out of rt_geometry and of the code
        RT_NO_STATS          leave out rt_stats
        RT_NO_SHADING        leave out cameras, materials and the renderer
+     The RT_NO_* of types (SPHERES, INSTANCES, STATS) change structs: define them alike in every file that includes this one.
 
    PAPERS
 
@@ -109,9 +111,10 @@
 
 #define RT_NONE 0xffffffffu                 /* no primitive, no instance */
 #define RT_MAX_COORDINATE 1e18f             /* |coordinate| of vertices, sphere extents, instance extents, ray origins */
-#define RT_MIN_DIRECTION  1e-18f            /* least and greatest size of the largest component of a ray's dir */
-#define RT_MAX_DIRECTION  1e18f
+#define RT_MIN_DIRECTION  1e-30f            /* least and greatest size of the largest component of a ray's dir */
+#define RT_MAX_DIRECTION  1e30f
 #define RT_MAX_NESTING    8                 /* levels of instances below the accel that is traced */
+#define RT_MAX_PRIMITIVES 0x10000000u       /* triangles, spheres and instances of one accel together */
 
 typedef struct { float x, y, z; } rt_vec3;
 typedef struct { rt_vec3 org; float tmin; rt_vec3 dir; float tmax; } rt_ray;    /* 32 bytes */
@@ -131,8 +134,8 @@ typedef struct rt_accel rt_accel;           /* opaque; made by rt_build */
     X(RT_ERROR_UNSUPPORTED, "not built, or not on this processor")                             \
     X(RT_ERROR_NO_DEVICE,   "no such device")
 
-#define RTI_STATUS_ENUM(name, text) name,
-typedef enum { RT_STATUS_LIST(RTI_STATUS_ENUM) RT_STATUS_COUNT } rt_status;
+#define RTI_ENUM(name, text) name,
+typedef enum { RT_STATUS_LIST(RTI_ENUM) RT_STATUS_COUNT } rt_status;
 
 /* Filled by a call that fails, where its options point to one. */
 typedef struct {
@@ -169,7 +172,6 @@ typedef struct {
 /* ---- >>build -------------------------------------------------------------------------------------------------------- */
 
 #define RT_STRUCTURE_LIST(X) X(RT_BVH, "bvh") X(RT_KDTREE, "kdtree") X(RT_THREADED, "threaded")
-#define RTI_ENUM(name, text) name,
 typedef enum { RT_STRUCTURE_LIST(RTI_ENUM) RT_STRUCTURE_COUNT } rt_structure;
 
 /* How long to look for a good tree: bins of the surface area heuristic an axis: 16, 8, 32. */
@@ -191,7 +193,7 @@ typedef struct {
     rt_error *error;                        /* NULL: only the status tells */
 } rt_build_options;
 
-/* Builds *out from geo: O(n log n) time (binned SAH, [Wald]; depth at most RTI_MAX_DEPTH on any input), opt NULL = defaults.
+/* Builds *out from geo: O(n log n) time (binned SAH, [Wald]; depth at most 64 on any input), opt NULL = defaults.
    RT_ERROR_GEOMETRY names the first bad primitive. On any failure *out is NULL and nothing is kept. */
 RT_API rt_status rt_build(rt_accel **out, const rt_geometry *geo, const rt_build_options *opt);
 
@@ -220,7 +222,8 @@ RT_API void rt_get_info(const rt_accel *accel, rt_info *info);
 
 #ifndef RT_NO_INSTANCES
 /* The composed object-to-world transform (3x4, row by row) and the matrix for its normals (3x3, inverse transpose, not
-   normalised) of the instance a hit names. inst RT_NONE: the identity. Either output may be NULL. False: no such instance. */
+   normalised) of the instance a hit names. inst RT_NONE: the identity. Either output may be NULL. False: no such instance, or
+   normal is asked for and does not fit in floats. */
 RT_API bool rt_instance_transform(const rt_accel *accel, uint32_t inst, float transform[12], float normal[9]);
 #endif
 
@@ -253,7 +256,8 @@ typedef enum { RT_CULL_LIST(RTI_ENUM) RT_CULL_COUNT } rt_cull;
 
 typedef enum { RT_CLOSEST, RT_ANY } rt_query;
 
-/* Which instructions; for tests and measurements. The hits are the same. */
+/* Which instructions; for tests and measurements. The hits are the same. RT_ISA_SCALAR packets exist only where RT_ISA_AUTO picks them
+   (RT_NO_SIMD, or no x86). */
 #define RT_ISA_LIST(X) X(RT_ISA_AUTO, "auto") X(RT_ISA_SCALAR, "scalar") X(RT_ISA_SSE2, "sse2") X(RT_ISA_AVX2, "avx2")
 typedef enum { RT_ISA_LIST(RTI_ENUM) RT_ISA_COUNT } rt_isa;
 
@@ -322,7 +326,7 @@ RT_API rt_isa rt_best_isa(void);
 typedef struct { rt_vec3 eye, look, up; float fov; } rt_camera;
 
 /* The camera's ray through point (x, y) of a width x height picture, in pixels from the top left corner (a pixel's middle is at
-   +0.5). dir has unit depth along the view axis: t is depth. */
+   +0.5); width and height >= 1. dir has unit depth along the view axis: t is depth. tmin is 0, tmax infinite. */
 RT_API rt_ray rt_camera_ray(const rt_camera *camera, float x, float y, int width, int height);
 
 /* Phong. Colours are linear RGB, reflectances in [0,1]. */
@@ -357,8 +361,9 @@ typedef struct {
 typedef struct { uint64_t primary, shadow; } rt_ray_counts;
 
 /* Renders the pixels [x0,x1) x [y0,y1) of the picture to pixels, which holds the whole picture row by row (linear RGB): so tiles may
-   be rendered by any threads in any order, and the picture is the same. rays may be NULL; counts are added to it.
-   Errors as rt_trace; no allocation, 64 KiB of stack. */
+   be rendered by any threads in any order, and the picture is the same. rays may be NULL; counts are added to it. Threads may
+   share scene and opt, but not what is written: rays, opt->trace.error and opt->trace.stats.
+   Errors as rt_trace; no allocation, 52 KiB of stack and 7 KiB a level of instances. */
 RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *opt, int x0, int y0, int x1, int y1, rt_vec3 *pixels,
                                 rt_ray_counts *rays);
 
@@ -372,19 +377,23 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 
 #include <float.h>
 #include <math.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 
 /* ---- >>platform ----------------------------------------------------------------------------------------------------- */
 
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || \
-    (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
+    (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) || defined(_M_FP_FAST)
 #error "rt.h: -ffast-math and its parts break watertight hits; compile the file that defines RT_IMPLEMENTATION without them"
 #endif
 #if defined(FLT_EVAL_METHOD) && FLT_EVAL_METHOD != 0 && FLT_EVAL_METHOD != 16
 #error "rt.h: float arithmetic must round to float (x87 does not); compile with -msse2 -mfpmath=sse"
 #endif
 
+#if defined(RT_MALLOC) != defined(RT_FREE)
+#error "rt.h: define both RT_MALLOC and RT_FREE, or neither"
+#endif
 #ifndef RT_MALLOC
 #include <stdlib.h>
 #define RT_MALLOC(size, user) ((void)(user), malloc(size))
@@ -422,6 +431,9 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #if !defined(RT_NO_SIMD) && (defined(__x86_64__) || defined(_M_X64) || (defined(__i386__) && defined(__SSE2__)))
 #define RTI_X86 1
 #include <immintrin.h>
+#ifdef _MSC_VER
+#include <intrin.h>
+#endif
 #else
 #define RTI_X86 0
 #endif
@@ -431,11 +443,13 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define RTI_NOINLINE static __attribute__((noinline, unused))
 #define RTI_ALIGNED(n) __attribute__((aligned(n)))
 #define RTI_UNLIKELY(x) __builtin_expect(!!(x), 0)
+#define RTI_PRINTF(text, first) __attribute__((format(printf, text, first)))
 #else
 #define RTI_INLINE static __forceinline
 #define RTI_NOINLINE static __declspec(noinline)
 #define RTI_ALIGNED(n) __declspec(align(n))
 #define RTI_UNLIKELY(x) (x)
+#define RTI_PRINTF(text, first)
 #pragma fp_contract(off)
 #endif
 
@@ -466,18 +480,27 @@ RTI_INLINE double rti_round(double x) { RTI_ROUND(x); return x; }
 #define RTI_TARGET_AVX2
 #endif
 
-static bool rti_has_avx2(void)
-{
-#if defined(__GNUC__) || defined(__clang__)
-    return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+#if !defined(_MSC_VER) || defined(__clang__)
+static bool rti_has_avx2(void) { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }
 #else
+static bool rti_ask_avx2(void)
+{
     int r[4];
+    __cpuid(r, 0);
+    if (r[0] < 7) return false;
     __cpuid(r, 1);
     if (!(r[2] >> 12 & 1) || !(r[2] >> 27 & 1) || (_xgetbv(0) & 6) != 6) return false;      /* fma, osxsave, ymm state */
     __cpuidex(r, 7, 0);
     return r[1] >> 5 & 1;
-#endif
 }
+/* Asked once, since cpuid costs more than many a ray. Threads that race here write the same answer. */
+static bool rti_has_avx2(void)
+{
+    static volatile long known;
+    if (!known) known = rti_ask_avx2() ? 2 : 1;
+    return known == 2;
+}
+#endif
 #endif
 
 /* ---- >>memory ------------------------------------------------------------------------------------------------------- */
@@ -495,13 +518,8 @@ static void rti_release(void *pointer, void *user)
     if (pointer) RT_FREE(pointer, user);
 }
 
-#define RTI_FAIL(error, status, prim, ...) rti_fail(error, status, prim, __VA_ARGS__)
-
 /* Every failure passes through here: the place for a breakpoint. */
-#if defined(__GNUC__) || defined(__clang__)
-static rt_status rti_fail(rt_error *error, rt_status status, uint32_t prim, const char *format, ...) __attribute__((format(printf, 4, 5)));
-#endif
-#include <stdarg.h>
+RTI_PRINTF(4, 5)
 static rt_status rti_fail(rt_error *error, rt_status status, uint32_t prim, const char *format, ...)
 {
     if (error) {
@@ -519,7 +537,7 @@ static rt_status rti_fail(rt_error *error, rt_status status, uint32_t prim, cons
 
 #define RTI_INFINITY ((float)HUGE_VAL)
 
-/* lower[3] and upper[3]; the fourth lanes are padding that SIMD may fill with anything. */
+/* x y z; the fourth lanes are padding that SIMD may fill with anything. */
 typedef struct { float lo[4], hi[4]; } rti_box;
 
 static const rti_box rti_empty_box = { { HUGE_VALF, HUGE_VALF, HUGE_VALF, 0 }, { -HUGE_VALF, -HUGE_VALF, -HUGE_VALF, 0 } };
@@ -567,9 +585,9 @@ static int rti_ceil_log2(size_t n)
     return log;
 }
 
-/* ---- layout ---
+/* ---- >>layout ------------------------------------------------------------------------------------------------------- */
 
-   node, 32 bytes                                          triangle, 40 bytes
+/* node, 32 bytes                                          triangle, 40 bytes
      bounds[0..2] lower x y z   bounds[3..5] upper x y z     v[0..8] three vertices   prim
      index  inner: first of two children, index and index + 1;  leaf: first slot in the array of its kind
      count  0: inner node;  else leaf: kind << 28 | number of primitives (a leaf holds one kind only)
@@ -579,9 +597,9 @@ static int rti_ceil_log2(size_t n)
 enum { RTI_TRIANGLE, RTI_SPHERE, RTI_INSTANCE, RTI_KINDS };
 #define RTI_COUNT_MASK 0x0fffffffu
 #define RTI_KIND_SHIFT 28
-#define RTI_MAX_PRIMS ((size_t)1 << 28)     /* what a leaf's count can hold, and far above what fits in memory */
+#define RTI_MAX_PRIMS ((size_t)RT_MAX_PRIMITIVES)   /* 2 n - 1 nodes fit in 32 bits */
 #define RTI_MAX_DEPTH 64                    /* edges; a traversal stack holds at most one entry a level */
-#define RTI_MAX_LEAF 8                      /* primitives, unless SAH never gets there */
+#define RTI_MAX_LEAF 8                      /* primitives: what is more is split, by halving where SAH finds no plane */
 
 typedef struct { float bounds[6]; uint32_t index, count; } rti_node;
 typedef struct { float v[9]; uint32_t prim; } rti_triangle;
@@ -679,8 +697,7 @@ static bool rti_invert(const float m[12], float inverse[12])
     for (i = 0; i < 3; i++)                 /* c = cofactors, transposed: inverse = c / det */
         for (j = 0; j < 3; j++) {
             int r1 = (j + 1) % 3, r2 = (j + 2) % 3, c1 = (i + 1) % 3, c2 = (i + 2) % 3;
-            c[3 * i + j] = rti_round((double)m[4 * r1 + c1] * (double)m[4 * r2 + c2]) -
-                           rti_round((double)m[4 * r1 + c2] * (double)m[4 * r2 + c1]);
+            c[3 * i + j] = (double)m[4 * r1 + c1] * (double)m[4 * r2 + c2] - (double)m[4 * r1 + c2] * (double)m[4 * r2 + c1];
         }
     det = rti_round((double)m[0] * c[0]) + rti_round((double)m[1] * c[3]);
     det += rti_round((double)m[2] * c[6]);
@@ -742,9 +759,12 @@ RTI_INLINE void rti_transform_ray(const float inverse[12], const float org[3], c
 
 #endif
 
+#define RTI_NAME(name, text) text,
+static const char *const rti_structure_names[] = { RT_STRUCTURE_LIST(RTI_NAME) "any" };     /* "any": RT_STRUCTURE_COUNT */
+
 /* ---- >>validate ----------------------------------------------------------------------------------------------------- */
 
-static const char *rti_out_of_range = "is not finite or leaves +-RT_MAX_COORDINATE";
+static const char rti_out_of_range[] = "is not finite or leaves +-RT_MAX_COORDINATE";
 
 /* Bounds of primitive prim of geo. NULL: it is good; else what is wrong with it. A good one with an empty box cannot be hit. */
 static const char *rti_prim_box(const rt_geometry *geo, size_t prim, rti_box *box, int *kind)
@@ -802,33 +822,33 @@ static rt_status rti_bad_prim(rt_error *error, const rt_geometry *geo, size_t pr
     int kind;
     const char *what = rti_prim_box(geo, prim, &box, &kind);
     size_t number = prim - (kind > RTI_TRIANGLE ? geo->triangle_count : 0) - (kind > RTI_SPHERE ? rti_sphere_count(geo) : 0);
-    return RTI_FAIL(error, RT_ERROR_GEOMETRY, (uint32_t)prim, "%s %lu %s", names[kind], (unsigned long)number, what ? what : "");
+    return rti_fail(error, RT_ERROR_GEOMETRY, (uint32_t)prim, "%s %lu %s", names[kind], (unsigned long)number, what ? what : "");
 }
 
 /* What is wrong with the arguments themselves, before any primitive is read. */
 static rt_status rti_check_geometry(const rt_geometry *geo, rt_error *error)
 {
     size_t stride, total;
-    if (!geo) return RTI_FAIL(error, RT_ERROR_ARGUMENT, RT_NONE, "geometry is NULL");
+    if (!geo) return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "geometry is NULL");
     stride = geo->vertex_stride;
     if (geo->triangle_count && geo->vertex_count && !geo->vertices)
-        return RTI_FAIL(error, RT_ERROR_ARGUMENT, RT_NONE, "vertices is NULL but vertex_count is %lu", (unsigned long)geo->vertex_count);
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "vertices is NULL but vertex_count is %lu", (unsigned long)geo->vertex_count);
     if (stride && (stride < 3 * sizeof(float) || stride % sizeof(float)))
-        return RTI_FAIL(error, RT_ERROR_ARGUMENT, RT_NONE, "vertex_stride is %lu: it must be 0 or a multiple of 4 from 12 up",
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "vertex_stride is %lu: it must be 0 or a multiple of 4 from 12 up",
                         (unsigned long)stride);
 #if RTI_SPHERES
     if (geo->sphere_count && !geo->spheres)
-        return RTI_FAIL(error, RT_ERROR_ARGUMENT, RT_NONE, "spheres is NULL but sphere_count is %lu", (unsigned long)geo->sphere_count);
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "spheres is NULL but sphere_count is %lu", (unsigned long)geo->sphere_count);
 #endif
 #if RTI_INSTANCES
     if (geo->instance_count && !geo->instances)
-        return RTI_FAIL(error, RT_ERROR_ARGUMENT, RT_NONE, "instances is NULL but instance_count is %lu", (unsigned long)geo->instance_count);
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "instances is NULL but instance_count is %lu", (unsigned long)geo->instance_count);
 #endif
     total = geo->triangle_count;
     if (total <= RTI_MAX_PRIMS) total += rti_sphere_count(geo) <= RTI_MAX_PRIMS ? rti_sphere_count(geo) : RTI_MAX_PRIMS + 1;
     if (total <= RTI_MAX_PRIMS) total += rti_instance_count(geo) <= RTI_MAX_PRIMS ? rti_instance_count(geo) : RTI_MAX_PRIMS + 1;
     if (total > RTI_MAX_PRIMS)
-        return RTI_FAIL(error, RT_ERROR_LIMIT, RT_NONE, "more than %lu primitives in one accel", (unsigned long)RTI_MAX_PRIMS);
+        return rti_fail(error, RT_ERROR_LIMIT, RT_NONE, "more than %lu primitives in one accel", (unsigned long)RTI_MAX_PRIMS);
     return RT_OK;
 }
 
@@ -857,7 +877,7 @@ RTI_NOINLINE bool rti_validate(const rt_accel *accel)
             seen[kind] += rti_leaf_count(node);
             continue;
         }
-        if (node->index <= at || node->index + 1 >= accel->node_count || top + 2 > RTI_MAX_DEPTH + 1) return false;
+        if (node->index <= at || node->index >= accel->node_count - 1 || top + 2 > RTI_MAX_DEPTH + 1) return false;
         for (k = 0; k < 6; k++) {
             const rti_node *child = &accel->nodes[node->index + (uint32_t)(k & 1)];
             if (child->bounds[k / 2] < node->bounds[k / 2] || child->bounds[3 + k / 2] > node->bounds[3 + k / 2]) return false;
@@ -1019,12 +1039,15 @@ static void rti_for(const rti_builder *b, size_t count, void (*body)(void *conte
 
 RTI_INLINE void rti_grow_centroid(rti_box *centroids, const rti_ref *ref)
 {
-    float c[4];
-    c[0] = ref->lo[0] + ref->hi[0];
-    c[1] = ref->lo[1] + ref->hi[1];
-    c[2] = ref->lo[2] + ref->hi[2];
-    c[3] = 0;
+#if RTI_X86                                  /* in registers: the stores of c would stall the load that follows */
+    const __m128 xyz = _mm_castsi128_ps(_mm_set_epi32(0, -1, -1, -1));
+    const __m128 c = _mm_add_ps(_mm_and_ps(_mm_loadu_ps(ref->lo), xyz), _mm_and_ps(_mm_loadu_ps(ref->hi), xyz));
+    _mm_storeu_ps(centroids->lo, _mm_min_ps(c, _mm_loadu_ps(centroids->lo)));
+    _mm_storeu_ps(centroids->hi, _mm_max_ps(c, _mm_loadu_ps(centroids->hi)));
+#else
+    const float c[3] = { ref->lo[0] + ref->hi[0], ref->lo[1] + ref->hi[1], ref->lo[2] + ref->hi[2] };
     rti_box_grow(centroids, c, c);
+#endif
 }
 
 RTI_INLINE bool rti_goes_left(const rti_binning *b, const rti_split *split, const rti_ref *ref)
@@ -1360,8 +1383,8 @@ typedef struct {
     rti_ref *refs;
     size_t total;
     size_t *bad;                            /* first bad primitive of each chunk, or total */
-    size_t *left_out;                       /* primitives of each chunk that are bad or empty */
-    bool skip;
+    size_t *bad_count;                      /* bad primitives of each chunk, */
+    size_t *left_out;                       /* and those that are bad or empty */
 } rti_gather;
 
 static void rti_gather_chunk(void *context, size_t chunk)
@@ -1369,7 +1392,7 @@ static void rti_gather_chunk(void *context, size_t chunk)
     rti_gather *g = (rti_gather *)context;
     size_t i = chunk * RTI_CHUNK, end = g->total - i < RTI_CHUNK ? g->total : i + RTI_CHUNK;
     g->bad[chunk] = g->total;
-    g->left_out[chunk] = 0;
+    g->bad_count[chunk] = g->left_out[chunk] = 0;
     for (; i < end; i++) {
         rti_ref *ref = &g->refs[i];
         rti_box box;
@@ -1380,7 +1403,7 @@ static void rti_gather_chunk(void *context, size_t chunk)
         ref->kind = (uint32_t)kind;
         ref->prim = good && box.lo[0] <= box.hi[0] ? (uint32_t)i : RT_NONE;
         if (ref->prim == RT_NONE) g->left_out[chunk]++;
-        if (!good && g->bad[chunk] == g->total) g->bad[chunk] = i;
+        if (!good && !g->bad_count[chunk]++) g->bad[chunk] = i;
     }
 }
 
@@ -1411,17 +1434,17 @@ static rt_status rti_number_instances(rt_accel *accel, const rt_geometry *geo, r
     if (!n) return RT_OK;
     accel->instance_slots = (uint32_t *)rti_alloc(n, sizeof(uint32_t), accel->memory_user);
     accel->instance_bases = (uint32_t *)rti_alloc(n, sizeof(uint32_t), accel->memory_user);
-    if (!accel->instance_slots || !accel->instance_bases) return RTI_FAIL(error, RT_ERROR_MEMORY, RT_NONE, "out of memory");
+    if (!accel->instance_slots || !accel->instance_bases) return rti_fail(error, RT_ERROR_MEMORY, RT_NONE, "out of memory");
     accel->bytes += 2 * n * sizeof(uint32_t);
     for (i = 0; i < n; i++) {
         const rt_accel *child = geo->instances[i].accel;
         accel->instance_slots[i] = RT_NONE;
         accel->instance_bases[i] = (uint32_t)next;
         if (child && child->nesting + 1 > RT_MAX_NESTING)
-            return RTI_FAIL(error, RT_ERROR_LIMIT, (uint32_t)(geo->triangle_count + rti_sphere_count(geo) + i),
+            return rti_fail(error, RT_ERROR_LIMIT, (uint32_t)(geo->triangle_count + rti_sphere_count(geo) + i),
                             "instance %lu nests deeper than RT_MAX_NESTING (%d)", (unsigned long)i, RT_MAX_NESTING);
         next += 1 + (child ? (uint64_t)child->paths : 0);
-        if (next >= RT_NONE) return RTI_FAIL(error, RT_ERROR_LIMIT, RT_NONE, "more paths through nested instances than 32 bits can number");
+        if (next >= RT_NONE) return rti_fail(error, RT_ERROR_LIMIT, RT_NONE, "more paths through nested instances than 32 bits can number");
     }
     accel->paths = (uint32_t)next;
 #else
@@ -1521,27 +1544,23 @@ static rt_status rti_build_bvh(rt_accel *accel, const rt_geometry *geo, const rt
     gather.geo = geo;
     gather.refs = b.refs;
     gather.total = total;
-    gather.skip = opt->skip_invalid;
-    gather.bad = (size_t *)rti_alloc(chunks, 2 * sizeof(size_t), user);
+    gather.bad = (size_t *)rti_alloc(chunks, 3 * sizeof(size_t), user);
     if (!b.refs || !gather.bad) goto out;
-    gather.left_out = gather.bad + chunks;
+    gather.bad_count = gather.bad + chunks;
+    gather.left_out = gather.bad_count + chunks;
     rti_for(&b, chunks, rti_gather_chunk, &gather);
     for (i = 0; i < chunks; i++) {
         if (gather.bad[i] < total && !opt->skip_invalid) {
             status = rti_bad_prim(opt->error, geo, gather.bad[i]);
             goto out;
         }
+        accel->skipped += gather.bad_count[i];
         count += gather.left_out[i];
     }
     if (count) {                            /* close the gaps */
         size_t left = 0;
         for (i = 0; i < total; i++)
             if (b.refs[i].prim != RT_NONE) b.refs[left++] = b.refs[i];
-        for (i = 0; i < total && opt->skip_invalid; i++) {
-            rti_box box;
-            int kind;
-            if (rti_prim_box(geo, i, &box, &kind)) accel->skipped++;
-        }
         count = left;
     } else count = total;
     if (!count) {
@@ -1582,34 +1601,30 @@ out:
     rti_release(b.pool, user);
     rti_release(b.tasks, user);
     rti_release(b.chunks, user);
-    return status == RT_ERROR_MEMORY ? RTI_FAIL(opt->error, status, RT_NONE, "out of memory for %lu primitives", (unsigned long)total) : status;
+    return status == RT_ERROR_MEMORY ? rti_fail(opt->error, status, RT_NONE, "out of memory for %lu primitives", (unsigned long)total) : status;
 }
 
 RT_API rt_status rt_build(rt_accel **out, const rt_geometry *geo, const rt_build_options *opt)
 {
     rt_build_options defaults;
-    static const char *const structures[] = {
-#define RTI_NAME(name, text) text,
-        RT_STRUCTURE_LIST(RTI_NAME)
-    };
     rt_accel *accel;
     rt_status status;
     if (!opt) {
         memset(&defaults, 0, sizeof defaults);
         opt = &defaults;
     }
-    if (!out) return RTI_FAIL(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "out is NULL");
+    if (!out) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "out is NULL");
     *out = NULL;
     if ((unsigned)opt->structure >= RT_STRUCTURE_COUNT)
-        return RTI_FAIL(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "structure %d is none of rt_structure", (int)opt->structure);
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "structure %d is none of rt_structure", (int)opt->structure);
     if ((unsigned)opt->quality > RT_BUILD_HIGH)
-        return RTI_FAIL(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "quality %d is none of rt_quality", (int)opt->quality);
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "quality %d is none of rt_quality", (int)opt->quality);
     if (opt->structure != RT_BVH)
-        return RTI_FAIL(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "structure %s is not built yet", structures[opt->structure]);
+        return rti_fail(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "structure %s is not built yet", rti_structure_names[opt->structure]);
     if ((status = rti_check_geometry(geo, opt->error)) != RT_OK) return status;
 
     accel = (rt_accel *)rti_alloc(1, sizeof *accel, opt->memory_user);
-    if (!accel) return RTI_FAIL(opt->error, RT_ERROR_MEMORY, RT_NONE, "out of memory");
+    if (!accel) return rti_fail(opt->error, RT_ERROR_MEMORY, RT_NONE, "out of memory");
     memset(accel, 0, sizeof *accel);
     accel->memory_user = opt->memory_user;
     accel->bytes = sizeof *accel;
@@ -1668,11 +1683,11 @@ RT_API rt_status rt_refit_error(rt_accel *accel, const rt_geometry *geo, rt_erro
     size_t i, bad = SIZE_MAX;
     int kind, k;
     rt_status status;
-    if (!accel) return RTI_FAIL(error, RT_ERROR_ARGUMENT, RT_NONE, "accel is NULL");
+    if (!accel) return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "accel is NULL");
     if ((status = rti_check_geometry(geo, error)) != RT_OK) return status;
     if (geo->triangle_count != accel->geo.triangle_count || rti_sphere_count(geo) != rti_sphere_count(&accel->geo) ||
         rti_instance_count(geo) != rti_instance_count(&accel->geo))
-        return RTI_FAIL(error, RT_ERROR_ARGUMENT, RT_NONE, "the counts differ from those accel was built from: build a new one");
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "the counts differ from those accel was built from: build a new one");
 
     for (kind = 0; kind < RTI_KINDS; kind++)            /* look at everything before anything changes */
         for (i = 0; i < accel->slots[kind]; i++) {
@@ -1689,7 +1704,7 @@ RT_API rt_status rt_refit_error(rt_accel *accel, const rt_geometry *geo, rt_erro
         const rt_accel *child = geo->instances[number].accel;
         uint32_t paths = (number + 1 < geo->instance_count ? accel->instance_bases[number + 1] : accel->paths) - in->base - 1;
         if (!child->node_count || child->paths != paths || child->nesting + 1 > RT_MAX_NESTING)
-            return RTI_FAIL(error, RT_ERROR_ARGUMENT, in->prim, "instance %lu now shows an accel that is empty or nests otherwise: build a new one",
+            return rti_fail(error, RT_ERROR_ARGUMENT, in->prim, "instance %lu now shows an accel that is empty or nests otherwise: build a new one",
                             (unsigned long)number);
     }
 #endif
@@ -1882,8 +1897,8 @@ RTI_INLINE int rti_lowest_bit(unsigned bits)
 #define RTI_TARGET
 #include RT_SELF
 
-#if RTI_X86
-#define RTI_WIDTH 1                         /* 1 ray, where the processor has AVX2 and FMA */
+#if RTI_X86 && !(defined(_MSC_VER) && !defined(__clang__))
+#define RTI_WIDTH 1                         /* 1 ray, where the processor has AVX2 and FMA; fmaf of MSVC is a call */
 #define RTI_LANES RTI_LANES_FLOAT
 #define RTI_SUFFIX _1_avx2
 #define RTI_FMA 1
@@ -1941,7 +1956,7 @@ static rti_batch_function rti_batch_of(rt_algorithm algorithm, int width, rt_isa
 {
     bool single = algorithm == RT_AUTO || algorithm == RT_BVH_STACK, packet = rti_algorithms[algorithm].packets;
     if (isa == RT_ISA_AUTO) isa = rt_best_isa();
-#if RTI_X86
+#if RTI_X86 && !(defined(_MSC_VER) && !defined(__clang__))
     if (single && width == 1 && isa == RT_ISA_AVX2) return rti_batch_1_avx2;
 #endif
     if (single && width == 1) return rti_batch_1;
@@ -1976,10 +1991,7 @@ RT_API size_t rt_packet_widths(rt_algorithm algorithm, int *widths, size_t max)
 
 RT_API const char *rt_status_string(rt_status status)
 {
-    static const char *const texts[] = {
-#define RTI_TEXT(name, text) text,
-        RT_STATUS_LIST(RTI_TEXT)
-    };
+    static const char *const texts[] = { RT_STATUS_LIST(RTI_NAME) };
     return (unsigned)status < RT_STATUS_COUNT ? texts[status] : "unknown status";
 }
 
@@ -2002,31 +2014,25 @@ RT_API bool rt_occluded(const rt_accel *accel, const rt_ray *ray)
    faster than single rays even on diffuse bounces, and single rays where there are too few for a packet. */
 static rt_status rti_choose(const rt_trace_options *opt, size_t count, rti_batch_function *batch)
 {
-    static const char *const structures[] = {
-        RT_STRUCTURE_LIST(RTI_NAME)
-        "any"
-    };
-    static const char *const isas[] = {
-        RT_ISA_LIST(RTI_NAME)
-    };
+    static const char *const isas[] = { RT_ISA_LIST(RTI_NAME) };
     const rt_algorithm_info *info;
     int widths[8], width;
     size_t n, i;
     bool has_isa;
     if ((unsigned)opt->algorithm >= RT_ALGORITHM_COUNT)
-        return RTI_FAIL(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %d is none of rt_algorithm", (int)opt->algorithm);
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %d is none of rt_algorithm", (int)opt->algorithm);
     if ((unsigned)opt->cull >= RT_CULL_COUNT)
-        return RTI_FAIL(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "cull %d is none of rt_cull", (int)opt->cull);
-    if ((unsigned)opt->query > RT_ANY) return RTI_FAIL(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "query %d is none of rt_query", (int)opt->query);
-    if ((unsigned)opt->isa >= RT_ISA_COUNT) return RTI_FAIL(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "isa %d is none of rt_isa", (int)opt->isa);
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "cull %d is none of rt_cull", (int)opt->cull);
+    if ((unsigned)opt->query > RT_ANY) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "query %d is none of rt_query", (int)opt->query);
+    if ((unsigned)opt->isa >= RT_ISA_COUNT) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "isa %d is none of rt_isa", (int)opt->isa);
     info = &rti_algorithms[opt->algorithm];
     if (!info->built)
-        return RTI_FAIL(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "algorithm %s (structure %s) is not built", info->name, structures[info->structure]);
+        return rti_fail(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "algorithm %s (structure %s) is not built", info->name, rti_structure_names[info->structure]);
     if (opt->cull != RT_CULL_NONE)
-        return RTI_FAIL(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s has no frustum to cull with: cull must be none", info->name);
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s has no frustum to cull with: cull must be none", info->name);
     has_isa = RTI_X86 ? opt->isa != RT_ISA_SCALAR && (opt->isa != RT_ISA_AVX2 || rt_best_isa() == RT_ISA_AVX2)
                       : opt->isa == RT_ISA_AUTO || opt->isa == RT_ISA_SCALAR;
-    if (!has_isa) return RTI_FAIL(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "isa %s is not built or not on this processor", isas[opt->isa]);
+    if (!has_isa) return rti_fail(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "isa %s is not built or not on this processor", isas[opt->isa]);
     n = rti_widths(opt->algorithm, opt->isa, widths, 8);
     width = opt->packet_width ? opt->packet_width : opt->algorithm == RT_AUTO && count < 4 ? 1 : widths[n - 1];
     *batch = rti_batch_of(opt->algorithm, width, opt->isa);
@@ -2034,10 +2040,20 @@ static rt_status rti_choose(const rt_trace_options *opt, size_t count, rti_batch
         char list[64];
         size_t used = 0;
         for (i = 0; i < n; i++) used += (size_t)snprintf(list + used, sizeof list - used, i ? ", %d" : "%d", widths[i]);
-        return RTI_FAIL(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s takes packet_width 0 (default) or one of: %s; not %d", info->name, list,
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s takes packet_width 0 (default) or one of: %s; not %d", info->name, list,
                         opt->packet_width);
     }
     return RT_OK;
+}
+
+static rt_stats *rti_stats_of(const rt_trace_options *opt)
+{
+#if RTI_STATS
+    return opt->stats;
+#else
+    (void)opt;
+    return NULL;
+#endif
 }
 
 RT_API rt_status rt_trace(const rt_accel *accel, const rt_trace_options *opt, const rt_ray *rays, size_t count, rt_hit *hits)
@@ -2050,15 +2066,11 @@ RT_API rt_status rt_trace(const rt_accel *accel, const rt_trace_options *opt, co
         memset(&defaults, 0, sizeof defaults);
         opt = &defaults;
     }
-    if (!accel) return RTI_FAIL(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "accel is NULL");
-    if (count && (!rays || !hits)) return RTI_FAIL(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", rays ? "hits" : "rays");
+    if (!accel) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "accel is NULL");
+    if (count && (!rays || !hits)) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", rays ? "hits" : "rays");
     if ((status = rti_choose(opt, count, &batch)) != RT_OK) return status;
     job.query = opt->query;
-#if RTI_STATS
-    job.stats = opt->stats;
-#else
-    job.stats = NULL;
-#endif
+    job.stats = rti_stats_of(opt);
     batch(accel, &job, rays, count, hits);
     return RT_OK;
 }
@@ -2104,7 +2116,7 @@ static rti_view rti_make_view(const rt_camera *camera, int width, int height)
     rti_view view;
     rt_vec3 forward = rti_normalize(rti_sub(camera->look, camera->eye)), right, down;
     float half = tanf(camera->fov * 0.00872664626f), pixel = 2 * half / (float)height;      /* degrees to half radians */
-    right = rti_cross(forward, camera->up);
+    right = rti_cross(forward, rti_normalize(camera->up));
     if (!(rti_dot(right, right) > 0))       /* up along the view axis, or zero: any level right will do */
         right = rti_cross(forward, fabsf(forward.y) < 0.9f ? rti_vec3(0, 1, 0) : rti_vec3(1, 0, 0));
     right = rti_normalize(right);
@@ -2147,6 +2159,7 @@ static void rti_look_up(const rt_scene *scene, const rt_hit *hit, rt_vec3 point,
 {
     static const rt_material grey = { { 0.7f, 0.7f, 0.7f }, { 0, 0, 0 }, { 0, 0, 0 }, 1 };
     const rt_geometry *geo = scene->geometry;
+    RT_ASSERT(!scene->material_count || !scene->material_ids || scene->material_ids[hit->prim] < scene->material_count);
     s->material = scene->material_count ? &scene->materials[scene->material_ids ? scene->material_ids[hit->prim] : 0] : &grey;
     s->color = rti_vec3(1, 1, 1);
     if (hit->prim < geo->triangle_count) {
@@ -2176,6 +2189,15 @@ static void rti_look_up(const rt_scene *scene, const rt_hit *hit, rt_vec3 point,
 #endif
 }
 
+#if RTI_INSTANCES
+/* By the transpose of inverse; of unit length. */
+static rt_vec3 rti_world_normal(const float inverse[12], rt_vec3 n)
+{
+    return rti_normalize(rti_add(rti_add(rti_scale(rti_vertex(inverse), n.x), rti_scale(rti_vertex(inverse + 4), n.y)),
+                                 rti_scale(rti_vertex(inverse + 8), n.z)));
+}
+#endif
+
 static rti_surface rti_make_surface(const rt_scene *scene, const rt_ray *ray, const rt_hit *hit)
 {
     rti_surface s;
@@ -2186,22 +2208,21 @@ static rti_surface rti_make_surface(const rt_scene *scene, const rt_ray *ray, co
         const rt_accel *accel = scene->accel;
         const rt_scene *owner = scene;
         uint32_t inst = hit->inst;
-        float m[12], inverse[12], n[9], org[3], dir[3];
+        float m[12], inverse[12], org[3], dir[3];
         const float point[3] = { s.point.x, s.point.y, s.point.z };
-        (void)rt_instance_transform(accel, inst, m, n);
+        (void)rt_instance_transform(accel, inst, m, NULL);
         (void)rti_invert(m, inverse);
         rti_transform_ray(inverse, point, point, org, dir);
         while (inst != RT_NONE) {
             size_t number = rti_find_instance(accel, inst);
+            RT_ASSERT(owner->parts && owner->parts[number] && owner->parts[number]->accel && owner->parts[number]->geometry);
             owner = owner->parts[number];
             inst = inst - accel->instance_bases[number] - 1;
             accel = owner->accel;
         }
         rti_look_up(owner, hit, rti_vec3(org[0], org[1], org[2]), &s);
-        s.geometric = rti_normalize(rti_vec3(rti_dot(rti_vertex(n), s.geometric), rti_dot(rti_vertex(n + 3), s.geometric),
-                                             rti_dot(rti_vertex(n + 6), s.geometric)));
-        s.normal = rti_normalize(rti_vec3(rti_dot(rti_vertex(n), s.normal), rti_dot(rti_vertex(n + 3), s.normal),
-                                          rti_dot(rti_vertex(n + 6), s.normal)));
+        s.geometric = rti_world_normal(inverse, s.geometric);
+        s.normal = rti_world_normal(inverse, s.normal);
     } else
 #endif
         rti_look_up(scene, hit, s.point, &s);
@@ -2214,6 +2235,8 @@ static rti_surface rti_make_surface(const rt_scene *scene, const rt_ray *ray, co
 
 #define RTI_BLOCK 16                        /* pixels: a block of 16 x 16 rays is traced in one call */
 #define RTI_BLOCK_RAYS (RTI_BLOCK * RTI_BLOCK)
+#define RTI_MAX_SIDE (1 << 20)              /* floats still tell 16 places in a pixel apart */
+#define RTI_MAX_SPP  (1 << 20)
 
 /* Offset of sample i of n in a pixel: the middle, a grid, or the R2 sequence (Roberts 2018) where n is no square. */
 static void rti_subpixel(int i, int n, float *x, float *y)
@@ -2232,7 +2255,7 @@ static void rti_subpixel(int i, int n, float *x, float *y)
 
 /* One sample of every pixel of a block, added to sums. Rays stand in Morton order, so that those which follow each other are neighbours. */
 static void rti_render_block(const rt_scene *scene, const rt_render_options *opt, rti_batch_function batch, const rti_view *view, const int box[4],
-                             int sample, rt_vec3 *sums, rt_ray_counts *counts)
+                             int sample, int spp, rt_vec3 *sums, rt_ray_counts *counts)
 {
     rt_ray rays[RTI_BLOCK_RAYS];
     rt_hit hits[RTI_BLOCK_RAYS];
@@ -2242,7 +2265,7 @@ static void rti_render_block(const rt_scene *scene, const rt_render_options *opt
     size_t n = 0, m, i, light, seen = 0;
     float dx, dy;
     unsigned code;
-    rti_subpixel(sample, opt->spp > 0 ? opt->spp : 1, &dx, &dy);
+    rti_subpixel(sample, spp, &dx, &dy);
     for (code = 0; code < RTI_BLOCK_RAYS; code++) {
         unsigned x = (code & 1) | (code >> 1 & 2) | (code >> 2 & 4) | (code >> 3 & 8);
         unsigned y = (code >> 1 & 1) | (code >> 2 & 2) | (code >> 3 & 4) | (code >> 4 & 8);
@@ -2251,11 +2274,7 @@ static void rti_render_block(const rt_scene *scene, const rt_render_options *opt
         rays[n++] = rti_view_ray(view, (float)(box[0] + (int)x) + dx, (float)(box[1] + (int)y) + dy);
     }
     job.query = RT_CLOSEST;
-#if RTI_STATS
-    job.stats = opt->trace.stats;
-#else
-    job.stats = NULL;
-#endif
+    job.stats = rti_stats_of(&opt->trace);
     batch(scene->accel, &job, rays, n, hits);
     if (counts) counts->primary += n;
     for (i = 0; i < n; i++) {
@@ -2298,17 +2317,13 @@ static void rti_render_block(const rt_scene *scene, const rt_render_options *opt
     }
 }
 
-static rt_status rti_check_scene(const rt_scene *scene, const rt_render_options *opt, int depth)
+/* Of the outermost scene alone, since every tile asks: parts may be millions. rti_make_surface asserts those that are seen. */
+static rt_status rti_check_scene(const rt_scene *scene, const rt_render_options *opt)
 {
-    size_t i;
-    if (!scene->accel || !scene->geometry) return RTI_FAIL(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "scene lacks its accel or its geometry");
-    if (scene->normals && !scene->normal_indices) return RTI_FAIL(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "scene has normals without normal_indices");
-    for (i = 0; i < rti_instance_count(scene->geometry); i++) {
-        rt_status status;
-        if (!scene->parts || !scene->parts[i] || depth >= RT_MAX_NESTING)
-            return RTI_FAIL(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "scene has instances but parts does not say how to shade instance %lu", (unsigned long)i);
-        if ((status = rti_check_scene(scene->parts[i], opt, depth + 1)) != RT_OK) return status;
-    }
+    if (!scene->accel || !scene->geometry) return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "scene lacks its accel or its geometry");
+    if (scene->normals && !scene->normal_indices) return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "scene has normals without normal_indices");
+    if (rti_instance_count(scene->geometry) && !scene->parts)
+        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "scene has instances but no parts to say how they are shaded");
     return RT_OK;
 }
 
@@ -2319,13 +2334,19 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
     rt_status status;
     int box[4], spp, sample, x, y;
     if (!opt) return RT_ERROR_ARGUMENT;     /* nowhere to put a message */
-    if (!scene || !pixels) return RTI_FAIL(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", scene ? "pixels" : "scene");
+    if (!scene || !pixels) return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", scene ? "pixels" : "scene");
     spp = opt->spp > 0 ? opt->spp : 1;
-    if (opt->width < 1 || opt->height < 1 || x0 < 0 || y0 < 0 || x1 > opt->width || y1 > opt->height || opt->spp < 0)
-        return RTI_FAIL(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "the tile leaves the picture, or spp is negative");
+    if (opt->width < 1 || opt->height < 1 || opt->width > RTI_MAX_SIDE || opt->height > RTI_MAX_SIDE)
+        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "a picture of %d x %d: each must lie between 1 and %d", opt->width,
+                        opt->height, RTI_MAX_SIDE);
+    if (x0 < 0 || y0 < 0 || x0 > x1 || y0 > y1 || x1 > opt->width || y1 > opt->height)
+        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "the tile (%d, %d) to (%d, %d) leaves the picture of %d x %d", x0, y0, x1, y1,
+                        opt->width, opt->height);
+    if (opt->spp < 0 || opt->spp > RTI_MAX_SPP)
+        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "spp is %d: it must lie between 0 (as 1) and %d", opt->spp, RTI_MAX_SPP);
     if (!(scene->camera.fov > 0 && scene->camera.fov < 180))
-        return RTI_FAIL(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "the camera's fov must lie between 0 and 180 degrees");
-    if ((status = rti_check_scene(scene, opt, 0)) != RT_OK) return status;
+        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "the camera's fov must lie between 0 and 180 degrees");
+    if ((status = rti_check_scene(scene, opt)) != RT_OK) return status;
     if ((status = rti_choose(&opt->trace, RTI_BLOCK_RAYS, &batch)) != RT_OK) return status;
     view = rti_make_view(&scene->camera, opt->width, opt->height);
     for (box[1] = y0; box[1] < y1; box[1] += RTI_BLOCK)
@@ -2334,7 +2355,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
             memset(sums, 0, sizeof sums);
             box[2] = x1 < box[0] + RTI_BLOCK ? x1 : box[0] + RTI_BLOCK;
             box[3] = y1 < box[1] + RTI_BLOCK ? y1 : box[1] + RTI_BLOCK;
-            for (sample = 0; sample < spp; sample++) rti_render_block(scene, opt, batch, &view, box, sample, sums, rays);
+            for (sample = 0; sample < spp; sample++) rti_render_block(scene, opt, batch, &view, box, sample, spp, sums, rays);
             for (y = box[1]; y < box[3]; y++)
                 for (x = box[0]; x < box[2]; x++)
                     pixels[(size_t)y * (size_t)opt->width + (size_t)x] =
@@ -2636,7 +2657,7 @@ RTI_FN void rti_load_rays(const rt_ray *rays, rti_packet *p)
 #if RTI_LANES == RTI_LANES_SSE2
     int half;
     for (half = 0; half < 2; half++) {      /* org and tmin, then dir and tmax */
-        const float *at = half ? &rays->dir.x : &rays->org.x;
+        const float *at = (const float *)(const void *)rays + 4 * half;
         __m128 x = _mm_loadu_ps(at), y = _mm_loadu_ps(at + 8), z = _mm_loadu_ps(at + 16), w = _mm_loadu_ps(at + 24);
         _MM_TRANSPOSE4_PS(x, y, z, w);
         rti_vstore(half ? p->dir[0] : p->org[0], x);
@@ -2645,7 +2666,7 @@ RTI_FN void rti_load_rays(const rt_ray *rays, rti_packet *p)
         rti_vstore(half ? p->t : p->tmin, w);
     }
 #elif RTI_LANES == RTI_LANES_AVX2
-    const float *at = &rays->org.x;
+    const float *at = (const float *)(const void *)rays;     /* 8 floats a ray */
     __m256 row[4], x, y, z, w;
     int half, i;
     for (half = 0; half < 2; half++) {
@@ -2891,8 +2912,9 @@ RTI_FN rti_d rti_dot_exact(const rti_d a[3], const rti_d b[3])
 
 /* [Haines], in double: the discriminant from the vector between the centre and the ray's nearest point. The roots lie around that point by
    root, at most the radius, whatever was rounded: so a hit never leaves the sphere's box. (c / q for the smaller root can: it is noise over noise
-   where a ray starts on the sphere along a tangent, and no better elsewhere, since c cancels just as much.) */
-RTI_FN unsigned rti_hit_spheres(const rt_accel *accel, rti_packet *p, unsigned lanes, const rti_node *leaf, uint32_t inst, int flags)
+   where a ray starts on the sphere along a tangent, and no better elsewhere, since c cancels just as much.)
+   Not inlined, like instances: the two in every walk were a fifth of the code, and no faster. */
+RTI_NOINLINE RTI_TARGET unsigned rti_hit_spheres(const rt_accel *accel, rti_packet *p, unsigned lanes, const rti_node *leaf, uint32_t inst, int flags)
 {
     unsigned found = 0;
     uint32_t i;
@@ -2932,7 +2954,7 @@ RTI_FN unsigned rti_hit_spheres(const rt_accel *accel, rti_packet *p, unsigned l
 RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, int flags, rt_stats *stats);
 
 /* The rays go on in object space as a packet of their own; t means the same there. */
-RTI_FN unsigned rti_hit_instances(const rt_accel *accel, rti_packet *p, unsigned lanes, const rti_node *leaf, uint32_t inst, int flags, rt_stats *stats)
+RTI_NOINLINE RTI_TARGET unsigned rti_hit_instances(const rt_accel *accel, rti_packet *p, unsigned lanes, const rti_node *leaf, uint32_t inst, int flags, rt_stats *stats)
 {
     unsigned found = 0;
     uint32_t n;

@@ -3601,8 +3601,11 @@ static void rtt_test_obj_lines(void)
         CHECK(loader.s.geometry.vertex_count == 8 && loader.s.geometry.triangle_count == 12 && loader.s.shapes == 6
               && loader.s.warnings == 0);
         CHECK(loader.s.bytes_read == size);
-        for (i = 0; i < 8; i++)
-            CHECK(loader.s.vertices[3 * i] + loader.s.vertices[3 * i + 1] * 2 + loader.s.vertices[3 * i + 2] * 4 == (float)("01324576"[i] - '0'));
+        for (i = 0; i < 8; i++) {
+            const float *v = loader.s.vertices + 3 * i;
+
+            CHECK(v[0] + v[1] * 2 + v[2] * 4 == (float)("01324576"[i] - '0'));
+        }
         CHECK(loader.s.indices[0] == 3 && loader.s.indices[1] == 2 && loader.s.indices[2] == 1 && loader.s.indices[5] == 0);
         loader_unload();
     }
