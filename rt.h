@@ -752,8 +752,8 @@ RTI_INLINE void rti_transform_ray(const float inverse[12], const float org[3], c
     int i;
     for (i = 0; i < 3; i++) {               /* float products are exact in double: contraction cannot change a bit */
         const float *m = inverse + 4 * i;
-        to_org[i] = (float)((((double)m[0] * (double)org[0] + (double)m[1] * (double)org[1]) + (double)m[2] * (double)org[2]) + (double)m[3]);
-        to_dir[i] = (float)(((double)m[0] * (double)dir[0] + (double)m[1] * (double)dir[1]) + (double)m[2] * (double)dir[2]);
+        to_org[i] = (float)((double)m[0] * (double)org[0] + (double)m[1] * (double)org[1] + (double)m[2] * (double)org[2] + (double)m[3]);
+        to_dir[i] = (float)((double)m[0] * (double)dir[0] + (double)m[1] * (double)dir[1] + (double)m[2] * (double)dir[2]);
     }
 }
 
@@ -842,7 +842,8 @@ static rt_status rti_check_geometry(const rt_geometry *geo, rt_error *error)
 #endif
 #if RTI_INSTANCES
     if (geo->instance_count && !geo->instances)
-        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "instances is NULL but instance_count is %lu", (unsigned long)geo->instance_count);
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "instances is NULL but instance_count is %lu",
+                        (unsigned long)geo->instance_count);
 #endif
     total = geo->triangle_count;
     if (total <= RTI_MAX_PRIMS) total += rti_sphere_count(geo) <= RTI_MAX_PRIMS ? rti_sphere_count(geo) : RTI_MAX_PRIMS + 1;
@@ -996,10 +997,10 @@ static bool rti_best_split(const rti_bins *bins, const rti_binning *b, rti_split
 
 /* ---- >>bvh ---------------------------------------------------------------------------------------------------------- */
 
-/* Top-down binned SAH. A split of refs [first, first + count) at position m writes its two children to pool[2 m] and pool[2 m + 1]: each m between
-   1 and n - 1 splits at most one node, so tasks need no common counter and any parallel_for makes the same tree. Nodes over more than RTI_TASK
-   refs are split one after the other, their passes over the refs cut into chunks; the rest is one task each.
-   Minimum, maximum and stable partition do not depend on how the refs are cut. */
+/* Top-down binned SAH. A split of refs [first, first + count) at position m writes its two children to pool[2 m] and pool[2 m + 1]: each
+   m between 1 and n - 1 splits at most one node, so tasks need no common counter and any parallel_for makes the same tree. Nodes over
+   more than RTI_TASK refs are split one after the other, their passes over the refs cut into chunks; the rest is one task each. Minimum,
+   maximum and stable partition do not depend on how the refs are cut. */
 
 #define RTI_CHUNK ((size_t)1 << 15)
 #define RTI_TASK  ((size_t)1 << 13)
@@ -1056,7 +1057,8 @@ RTI_INLINE bool rti_goes_left(const rti_binning *b, const rti_split *split, cons
 }
 
 /* Stable: both sides keep their order, lefts in place, rights through spare. */
-static void rti_partition(const rti_builder *b, const rti_work *work, const rti_binning *binning, const rti_split *split, rti_box centroids[2])
+static void rti_partition(const rti_builder *b, const rti_work *work, const rti_binning *binning, const rti_split *split,
+                          rti_box centroids[2])
 {
     rti_ref *refs = b->refs + work->first, *spare = b->spare + work->first;
     size_t i, left = 0, right = 0;
@@ -1118,7 +1120,8 @@ static void rti_chunk_copy(void *context, size_t i)
 }
 static size_t rti_chunk_total(size_t count) { return (count + RTI_CHUNK - 1) / RTI_CHUNK; }
 
-static void rti_partition_chunks(rti_builder *b, const rti_work *work, const rti_binning *binning, const rti_split *split, rti_box centroids[2])
+static void rti_partition_chunks(rti_builder *b, const rti_work *work, const rti_binning *binning, const rti_split *split,
+                                 rti_box centroids[2])
 {
     size_t i, left = 0, right = split->left_count, chunks = rti_chunk_total(work->count);
     b->work = work;
@@ -1348,9 +1351,9 @@ static void rti_fill_instance(rti_instance *i, const rt_geometry *geo)
 #endif
 
 /* How far, beyond its own box, rounding can carry a hit inside an instance: a ray from o errs by at most 2^-24 spread (|o| + extent) in
-   world space, see rti_prepare. Through one instance M the transformed origin and direction err by 2 units of 2^-24 each, stretched
-   by C = |M| |M^-1|; the child's own error (16 units of |o'| + extent', plus its spread) comes back stretched too. The child's underflows, of the
-   order of 1e-37, are stretched as well: counting at least 1e-31 as its extent covers them (2^-24 * 40 C * 2e-31 > 1e-37). */
+   world space, see rti_prepare. Through one instance M the transformed origin and direction err by 2 units of 2^-24 each, stretched by C
+   = |M| |M^-1|; the child's own error (16 units of |o'| + extent', plus its spread) comes back stretched too. The child's underflows, of
+   the order of 1e-37, are stretched as well: counting at least 1e-31 as its extent covers them (2^-24 * 40 C * 2e-31 > 1e-37). */
 static void rti_set_reach(rt_accel *accel)
 {
     int k;
@@ -1601,7 +1604,8 @@ out:
     rti_release(b.pool, user);
     rti_release(b.tasks, user);
     rti_release(b.chunks, user);
-    return status == RT_ERROR_MEMORY ? rti_fail(opt->error, status, RT_NONE, "out of memory for %lu primitives", (unsigned long)total) : status;
+    return status == RT_ERROR_MEMORY ? rti_fail(opt->error, status, RT_NONE, "out of memory for %lu primitives", (unsigned long)total)
+        : status;
 }
 
 RT_API rt_status rt_build(rt_accel **out, const rt_geometry *geo, const rt_build_options *opt)
@@ -1704,7 +1708,8 @@ RT_API rt_status rt_refit_error(rt_accel *accel, const rt_geometry *geo, rt_erro
         const rt_accel *child = geo->instances[number].accel;
         uint32_t paths = (number + 1 < geo->instance_count ? accel->instance_bases[number + 1] : accel->paths) - in->base - 1;
         if (!child->node_count || child->paths != paths || child->nesting + 1 > RT_MAX_NESTING)
-            return rti_fail(error, RT_ERROR_ARGUMENT, in->prim, "instance %lu now shows an accel that is empty or nests otherwise: build a new one",
+            return rti_fail(error, RT_ERROR_ARGUMENT, in->prim,
+                            "instance %lu now shows an accel that is empty or nests otherwise: build a new one",
                             (unsigned long)number);
     }
 #endif
@@ -2023,16 +2028,20 @@ static rt_status rti_choose(const rt_trace_options *opt, size_t count, rti_batch
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %d is none of rt_algorithm", (int)opt->algorithm);
     if ((unsigned)opt->cull >= RT_CULL_COUNT)
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "cull %d is none of rt_cull", (int)opt->cull);
-    if ((unsigned)opt->query > RT_ANY) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "query %d is none of rt_query", (int)opt->query);
-    if ((unsigned)opt->isa >= RT_ISA_COUNT) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "isa %d is none of rt_isa", (int)opt->isa);
+    if ((unsigned)opt->query > RT_ANY)
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "query %d is none of rt_query", (int)opt->query);
+    if ((unsigned)opt->isa >= RT_ISA_COUNT)
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "isa %d is none of rt_isa", (int)opt->isa);
     info = &rti_algorithms[opt->algorithm];
     if (!info->built)
-        return rti_fail(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "algorithm %s (structure %s) is not built", info->name, rti_structure_names[info->structure]);
+        return rti_fail(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "algorithm %s (structure %s) is not built", info->name,
+                        rti_structure_names[info->structure]);
     if (opt->cull != RT_CULL_NONE)
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s has no frustum to cull with: cull must be none", info->name);
     has_isa = RTI_X86 ? opt->isa != RT_ISA_SCALAR && (opt->isa != RT_ISA_AVX2 || rt_best_isa() == RT_ISA_AVX2)
                       : opt->isa == RT_ISA_AUTO || opt->isa == RT_ISA_SCALAR;
-    if (!has_isa) return rti_fail(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "isa %s is not built or not on this processor", isas[opt->isa]);
+    if (!has_isa)
+        return rti_fail(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "isa %s is not built or not on this processor", isas[opt->isa]);
     n = rti_widths(opt->algorithm, opt->isa, widths, 8);
     width = opt->packet_width ? opt->packet_width : opt->algorithm == RT_AUTO && count < 4 ? 1 : widths[n - 1];
     *batch = rti_batch_of(opt->algorithm, width, opt->isa);
@@ -2040,7 +2049,8 @@ static rt_status rti_choose(const rt_trace_options *opt, size_t count, rti_batch
         char list[64];
         size_t used = 0;
         for (i = 0; i < n; i++) used += (size_t)snprintf(list + used, sizeof list - used, i ? ", %d" : "%d", widths[i]);
-        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s takes packet_width 0 (default) or one of: %s; not %d", info->name, list,
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s takes packet_width 0 (default) or one of: %s; not %d",
+                        info->name, list,
                         opt->packet_width);
     }
     return RT_OK;
@@ -2172,13 +2182,16 @@ static void rti_look_up(const rt_scene *scene, const rt_hit *hit, rt_vec3 point,
         s->normal = s->geometric;
         if (scene->normals && scene->normal_indices[corner] != RT_NONE) {
             rt_vec3 normal = rti_vec3(0, 0, 0);
-            for (k = 0; k < 3; k++) normal = rti_add(normal, rti_scale(scene->normals[scene->normal_indices[corner + (size_t)k]], weights[k]));
+            for (k = 0; k < 3; k++)
+                normal = rti_add(normal, rti_scale(scene->normals[scene->normal_indices[corner + (size_t)k]], weights[k]));
             if (rti_largest(normal) > 0) s->normal = rti_normalize(normal);
         }
         if (scene->colors) {
             s->color = rti_vec3(0, 0, 0);
-            for (k = 0; k < 3; k++)
-                s->color = rti_add(s->color, rti_scale(scene->colors[geo->indices ? geo->indices[corner + (size_t)k] : corner + (size_t)k], weights[k]));
+            for (k = 0; k < 3; k++) {
+                size_t at = corner + (size_t)k;
+                s->color = rti_add(s->color, rti_scale(scene->colors[geo->indices ? geo->indices[at] : at], weights[k]));
+            }
         }
         return;
     }
@@ -2254,7 +2267,8 @@ static void rti_subpixel(int i, int n, float *x, float *y)
 }
 
 /* One sample of every pixel of a block, added to sums. Rays stand in Morton order, so that those which follow each other are neighbours. */
-static void rti_render_block(const rt_scene *scene, const rt_render_options *opt, rti_batch_function batch, const rti_view *view, const int box[4],
+static void rti_render_block(const rt_scene *scene, const rt_render_options *opt, rti_batch_function batch, const rti_view *view,
+                             const int box[4],
                              int sample, int spp, rt_vec3 *sums, rt_ray_counts *counts)
 {
     rt_ray rays[RTI_BLOCK_RAYS];
@@ -2320,14 +2334,17 @@ static void rti_render_block(const rt_scene *scene, const rt_render_options *opt
 /* Of the outermost scene alone, since every tile asks: parts may be millions. rti_make_surface asserts those that are seen. */
 static rt_status rti_check_scene(const rt_scene *scene, const rt_render_options *opt)
 {
-    if (!scene->accel || !scene->geometry) return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "scene lacks its accel or its geometry");
-    if (scene->normals && !scene->normal_indices) return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "scene has normals without normal_indices");
+    if (!scene->accel || !scene->geometry)
+        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "scene lacks its accel or its geometry");
+    if (scene->normals && !scene->normal_indices)
+        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "scene has normals without normal_indices");
     if (rti_instance_count(scene->geometry) && !scene->parts)
         return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "scene has instances but no parts to say how they are shaded");
     return RT_OK;
 }
 
-RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *opt, int x0, int y0, int x1, int y1, rt_vec3 *pixels, rt_ray_counts *rays)
+RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *opt, int x0, int y0, int x1, int y1, rt_vec3 *pixels,
+                                rt_ray_counts *rays)
 {
     rti_batch_function batch;
     rti_view view;
@@ -2340,10 +2357,12 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
         return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "a picture of %d x %d: each must lie between 1 and %d", opt->width,
                         opt->height, RTI_MAX_SIDE);
     if (x0 < 0 || y0 < 0 || x0 > x1 || y0 > y1 || x1 > opt->width || y1 > opt->height)
-        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "the tile (%d, %d) to (%d, %d) leaves the picture of %d x %d", x0, y0, x1, y1,
+        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "the tile (%d, %d) to (%d, %d) leaves the picture of %d x %d", x0,
+                        y0, x1, y1,
                         opt->width, opt->height);
     if (opt->spp < 0 || opt->spp > RTI_MAX_SPP)
-        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "spp is %d: it must lie between 0 (as 1) and %d", opt->spp, RTI_MAX_SPP);
+        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "spp is %d: it must lie between 0 (as 1) and %d", opt->spp,
+                        RTI_MAX_SPP);
     if (!(scene->camera.fov > 0 && scene->camera.fov < 180))
         return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "the camera's fov must lie between 0 and 180 degrees");
     if ((status = rti_check_scene(scene, opt)) != RT_OK) return status;
@@ -2559,7 +2578,8 @@ RTI_FN unsigned rti_dlt(rti_d a, rti_d b)
 RTI_FN rti_d rti_dselect(unsigned lanes, rti_d a, rti_d b)
 {
     __m128i bit = _mm_set_epi32(2, 2, 1, 1), lo = _mm_set1_epi32((int)lanes), hi = _mm_set1_epi32((int)(lanes >> 2));
-    __m128d mlo = _mm_castsi128_pd(_mm_cmpeq_epi32(_mm_and_si128(lo, bit), bit)), mhi = _mm_castsi128_pd(_mm_cmpeq_epi32(_mm_and_si128(hi, bit), bit));
+    __m128d mlo = _mm_castsi128_pd(_mm_cmpeq_epi32(_mm_and_si128(lo, bit), bit));
+    __m128d mhi = _mm_castsi128_pd(_mm_cmpeq_epi32(_mm_and_si128(hi, bit), bit));
     RTI_BOTH(_mm_or_pd(_mm_and_pd(mlo, a.lo), _mm_andnot_pd(mlo, b.lo)), _mm_or_pd(_mm_and_pd(mhi, a.hi), _mm_andnot_pd(mhi, b.hi)));
 }
 RTI_FN rti_d rti_widen(rti_v a) { RTI_BOTH(_mm_cvtps_pd(a), _mm_cvtps_pd(_mm_movehl_ps(a, a))); }
@@ -2610,11 +2630,13 @@ RTI_FN rti_d rti_ddiv(rti_d a, rti_d b) { RTI_BOTH(_mm256_div_pd(a.lo, b.lo), _m
 RTI_FN rti_d rti_dsqrt(rti_d a) { RTI_BOTH(_mm256_sqrt_pd(a.lo), _mm256_sqrt_pd(a.hi)); }
 RTI_FN unsigned rti_dlt(rti_d a, rti_d b)
 {
-    return (unsigned)_mm256_movemask_pd(_mm256_cmp_pd(a.lo, b.lo, _CMP_LT_OQ)) | (unsigned)_mm256_movemask_pd(_mm256_cmp_pd(a.hi, b.hi, _CMP_LT_OQ)) << 4;
+    return (unsigned)_mm256_movemask_pd(_mm256_cmp_pd(a.lo, b.lo, _CMP_LT_OQ)) |
+        (unsigned)_mm256_movemask_pd(_mm256_cmp_pd(a.hi, b.hi, _CMP_LT_OQ)) << 4;
 }
 RTI_FN rti_d rti_dselect(unsigned lanes, rti_d a, rti_d b)
 {
-    __m256i bit = _mm256_set_epi64x(8, 4, 2, 1), lo = _mm256_set1_epi64x((long long)lanes), hi = _mm256_set1_epi64x((long long)(lanes >> 4));
+    __m256i bit = _mm256_set_epi64x(8, 4, 2, 1);
+    __m256i lo = _mm256_set1_epi64x((long long)lanes), hi = _mm256_set1_epi64x((long long)(lanes >> 4));
     RTI_BOTH(_mm256_blendv_pd(b.lo, a.lo, _mm256_castsi256_pd(_mm256_cmpeq_epi64(_mm256_and_si256(lo, bit), bit))),
              _mm256_blendv_pd(b.hi, a.hi, _mm256_castsi256_pd(_mm256_cmpeq_epi64(_mm256_and_si256(hi, bit), bit))));
 }
@@ -2671,7 +2693,8 @@ RTI_FN void rti_load_rays(const rt_ray *rays, rti_packet *p)
     int half, i;
     for (half = 0; half < 2; half++) {
         for (i = 0; i < 4; i++)             /* rays i and i + 4 side by side: two 4 x 4 transposes in one */
-            row[i] = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(at + 8 * i + 4 * half)), _mm_loadu_ps(at + 8 * i + 32 + 4 * half), 1);
+            row[i] = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(at + 8 * i + 4 * half)),
+                                          _mm_loadu_ps(at + 8 * i + 32 + 4 * half), 1);
         x = _mm256_unpacklo_ps(row[0], row[2]);
         y = _mm256_unpackhi_ps(row[0], row[2]);
         z = _mm256_unpacklo_ps(row[1], row[3]);
@@ -2702,15 +2725,16 @@ RTI_FN void rti_load_rays(const rt_ray *rays, rti_packet *p)
 
 /* Fills what follows from org, dir, tmin, t; answers the lanes that hold a legal ray.
 
-   No box test may lose a hit that the primitive test finds, in whatever order boxes come. What has to be covered, with e = 2^-24 and R the largest
-   distance from org to a plane of the root box: the sheared vertices of [Woop] move by up to 8 e R sideways, the plane distances
-   and their products by 3 e R, t by e R; those sum to 12 e R. So lower planes are moved out by 16 e R, and upper planes likewise: since org - plane
-   is what counts, by moving org. Rounding of that sum, and of org * rdir where the test is an fma, are 2 e |org|; 4 are added. Instances add
-   what rti_set_reach says. That is [Ize]'s idea as an absolute bound, which holds for t of any sign, and at vertices too.
+   No box test may lose a hit that the primitive test finds, in whatever order boxes come. What has to be covered, with e = 2^-24 and R
+   the largest distance from org to a plane of the root box: the sheared vertices of [Woop] move by up to 8 e R sideways, the plane
+   distances and their products by 3 e R, t by e R; those sum to 12 e R. So lower planes are moved out by 16 e R, and upper planes
+   likewise: since org - plane is what counts, by moving org. Rounding of that sum, and of org * rdir where the test is an fma, are 2 e
+   |org|; 4 are added. Instances add what rti_set_reach says. That is [Ize]'s idea as an absolute bound, which holds for t of any sign,
+   and at vertices too.
 
-   Directions smaller than least count as least: so nothing overflows and no 0 * inf appears. The ray then errs by at most R * least / largest
-   within the box, which is padded too. Near zero errors stop being relative: coordinates and t then err by a few of the smallest normal
-   float (also with flush-to-zero), t times the direction in space. */
+   Directions smaller than least count as least: so nothing overflows and no 0 * inf appears. The ray then errs by at most R * least /
+   largest within the box, which is padded too. Near zero errors stop being relative: coordinates and t then err by a few of the smallest
+   normal float (also with flush-to-zero), t times the direction in space. */
 RTI_FN unsigned rti_prepare(const rt_accel *accel, rti_packet *p, unsigned lanes)
 {
     rti_v org[3], dir[3], reach = rti_vset(0), far_org = rti_vset(0), largest, least, pad, x_or_y, depth, step;
@@ -2786,7 +2810,8 @@ RTI_FN rti_slab rti_make_slab(const rti_packet *p, int axis, bool uniform)
 
 RTI_FN void rti_cross_slab(const rti_slab *s, const rti_node *node, bool uniform, rti_v *enter, rti_v *leave)
 {
-    rti_v a = rti_vplane(node->bounds[s->near_plane], s->near_org, s->rdir), b = rti_vplane(node->bounds[s->far_plane], s->far_org, s->rdir);
+    rti_v a = rti_vplane(node->bounds[s->near_plane], s->near_org, s->rdir);
+    rti_v b = rti_vplane(node->bounds[s->far_plane], s->far_org, s->rdir);
     *enter = uniform ? a : rti_vmin(a, b);
     *leave = uniform ? b : rti_vmax(a, b);
 }
@@ -2818,7 +2843,8 @@ RTI_FN unsigned rti_accept(rti_packet *p, unsigned lanes, rti_v t, rti_v u, rti_
     if (RTI_UNLIKELY(ties)) {               /* at equal t the ids decide; against tmax nothing wins (its ids are 0) */
         int i;
         for (i = 0; i < RTI_WIDTH; i++)
-            if (ties >> i & 1 && (flags & RTI_WALK_ANY || inst > p->inst.id[i] || (inst == p->inst.id[i] && prim >= p->prim.id[i]))) closer &= ~(1u << i);
+            if (ties >> i & 1 && (flags & RTI_WALK_ANY || inst > p->inst.id[i] || (inst == p->inst.id[i] && prim >= p->prim.id[i])))
+                closer &= ~(1u << i);
     }
     if (!closer || flags & RTI_WALK_ANY) return closer;
     rti_vstore(p->t, rti_vselect(closer, t, best));
@@ -2830,7 +2856,10 @@ RTI_FN unsigned rti_accept(rti_packet *p, unsigned lanes, rti_v t, rti_v u, rti_
 }
 
 /* Edge function a x b of two sheared vertices. Rounding is monotonic, so its sign is right or it is 0. */
-RTI_FN rti_v rti_edge(rti_v ax, rti_v ay, rti_v bx, rti_v by) { return rti_vsub(rti_vround(rti_vmul(ax, by)), rti_vround(rti_vmul(ay, bx))); }
+RTI_FN rti_v rti_edge(rti_v ax, rti_v ay, rti_v bx, rti_v by)
+{
+    return rti_vsub(rti_vround(rti_vmul(ax, by)), rti_vround(rti_vmul(ay, bx)));
+}
 
 /* The same in double: the products of floats are exact, the difference is rounded once. */
 RTI_FN rti_d rti_edge_exact(rti_v ax, rti_v ay, rti_v bx, rti_v by)
@@ -2838,10 +2867,10 @@ RTI_FN rti_d rti_edge_exact(rti_v ax, rti_v ay, rti_v bx, rti_v by)
     return rti_dsub(rti_dmul(rti_widen(ax), rti_widen(by)), rti_dmul(rti_widen(ay), rti_widen(bx)));
 }
 
-/* [Woop]: axes permuted so that kz is the ray's largest, org moved to the origin, sheared so that the ray is the z axis. A vertex
-   becomes a 2D point that depends on ray and vertex alone, so triangles which share it agree about it to the last bit: nothing slips through.
-   Float edge functions throw out most triangles; zeros, which may be wrong, count as inside. What is left is decided again, and its t, u, v
-   computed, in double: exact signs, and weights that are good even for slivers and triangles seen edge-on. */
+/* [Woop]: axes permuted so that kz is the ray's largest, org moved to the origin, sheared so that the ray is the z axis. A vertex becomes
+   a 2D point that depends on ray and vertex alone, so triangles which share it agree about it to the last bit: nothing slips through.
+   Float edge functions throw out most triangles; zeros, which may be wrong, count as inside. What is left is decided again, and its t, u,
+   v computed, in double: exact signs, and weights that are good even for slivers and triangles seen edge-on. */
 RTI_FN unsigned rti_hit_triangles(const rt_accel *accel, rti_packet *p, unsigned lanes, const rti_node *leaf, uint32_t inst, int flags)
 {
     const uint32_t first = leaf->index, last = first + rti_leaf_count(leaf);
@@ -2888,13 +2917,16 @@ RTI_FN unsigned rti_hit_triangles(const rt_accel *accel, rti_packet *p, unsigned
                 const rti_d zero = rti_dset(0), depth = rti_widen(oz);
                 rti_d ud = rti_edge_exact(cx, cy, bx, by), vd = rti_edge_exact(ax, ay, cx, cy), wd = rti_edge_exact(bx, by, ax, ay);
                 rti_d det = rti_dadd(rti_dadd(ud, vd), wd), rdet, td;
-                hit &= ~((rti_dlt(ud, zero) | rti_dlt(vd, zero) | rti_dlt(wd, zero)) & (rti_dlt(zero, ud) | rti_dlt(zero, vd) | rti_dlt(zero, wd)));
+                hit &= ~((rti_dlt(ud, zero) | rti_dlt(vd, zero) | rti_dlt(wd, zero)) &
+                         (rti_dlt(zero, ud) | rti_dlt(zero, vd) | rti_dlt(zero, wd)));
                 hit &= rti_dlt(det, zero) | rti_dlt(zero, det);
                 if (hit) {
-                    td = rti_dadd(rti_product(ud, rti_dsub(rti_dset((double)a[kz]), depth)), rti_product(vd, rti_dsub(rti_dset((double)a[3 + kz]), depth)));
+                    td = rti_dadd(rti_product(ud, rti_dsub(rti_dset((double)a[kz]), depth)),
+                                  rti_product(vd, rti_dsub(rti_dset((double)a[3 + kz]), depth)));
                     td = rti_dadd(td, rti_product(wd, rti_dsub(rti_dset((double)a[6 + kz]), depth)));
                     rdet = rti_ddiv(rti_dset(1), det);
-                    found |= hit = rti_accept(p, hit, rti_narrow(rti_dmul(rti_dmul(td, rdet), rti_dload(p->rdepth))), rti_narrow(rti_dmul(vd, rdet)),
+                    found |= hit = rti_accept(p, hit, rti_narrow(rti_dmul(rti_dmul(td, rdet), rti_dload(p->rdepth))),
+                                              rti_narrow(rti_dmul(vd, rdet)),
                                               rti_narrow(rti_dmul(wd, rdet)), prim, inst, flags);
                     if (flags & RTI_WALK_ANY && !(lanes &= ~hit)) return found;
                 }
@@ -2910,11 +2942,12 @@ RTI_FN rti_d rti_dot_exact(const rti_d a[3], const rti_d b[3])
     return rti_dadd(rti_dadd(rti_product(a[0], b[0]), rti_product(a[1], b[1])), rti_product(a[2], b[2]));
 }
 
-/* [Haines], in double: the discriminant from the vector between the centre and the ray's nearest point. The roots lie around that point by
-   root, at most the radius, whatever was rounded: so a hit never leaves the sphere's box. (c / q for the smaller root can: it is noise over noise
-   where a ray starts on the sphere along a tangent, and no better elsewhere, since c cancels just as much.)
-   Not inlined, like instances: the two in every walk were a fifth of the code, and no faster. */
-RTI_NOINLINE RTI_TARGET unsigned rti_hit_spheres(const rt_accel *accel, rti_packet *p, unsigned lanes, const rti_node *leaf, uint32_t inst, int flags)
+/* [Haines], in double: the discriminant from the vector between the centre and the ray's nearest point. The roots lie around that point
+   by root, at most the radius, whatever was rounded: so a hit never leaves the sphere's box. (c / q for the smaller root can: it is noise
+   over noise where a ray starts on the sphere along a tangent, and no better elsewhere, since c cancels just as much.) Not inlined, like
+   instances: the two in every walk were a fifth of the code, and no faster. */
+RTI_NOINLINE RTI_TARGET unsigned rti_hit_spheres(const rt_accel *accel, rti_packet *p, unsigned lanes, const rti_node *leaf,
+                                                 uint32_t inst, int flags)
 {
     unsigned found = 0;
     uint32_t i;
@@ -2943,7 +2976,8 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_spheres(const rt_accel *accel, rti_pack
         root = rti_dsqrt(rti_dmul(a, disc));
         tn = rti_narrow(rti_ddiv(rti_dsub(half, root), a));
         tf = rti_narrow(rti_ddiv(rti_dadd(half, root), a));
-        found |= hit = rti_accept(p, hit, rti_vselect(rti_vlt(rti_vload(p->tmin), tn), tn, tf), rti_vset(0), rti_vset(0), b->prim, inst, flags);
+        found |= hit = rti_accept(p, hit, rti_vselect(rti_vlt(rti_vload(p->tmin), tn), tn, tf), rti_vset(0), rti_vset(0), b->prim, inst,
+                                  flags);
         if (flags & RTI_WALK_ANY && !(lanes &= ~hit)) break;
     }
     return found;
@@ -2954,7 +2988,8 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_spheres(const rt_accel *accel, rti_pack
 RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, int flags, rt_stats *stats);
 
 /* The rays go on in object space as a packet of their own; t means the same there. */
-RTI_NOINLINE RTI_TARGET unsigned rti_hit_instances(const rt_accel *accel, rti_packet *p, unsigned lanes, const rti_node *leaf, uint32_t inst, int flags, rt_stats *stats)
+RTI_NOINLINE RTI_TARGET unsigned rti_hit_instances(const rt_accel *accel, rti_packet *p, unsigned lanes, const rti_node *leaf,
+                                                   uint32_t inst, int flags, rt_stats *stats)
 {
     unsigned found = 0;
     uint32_t n;
@@ -3023,7 +3058,8 @@ RTI_FN unsigned rti_walk_body(const rt_accel *accel, rti_packet *p, unsigned liv
         while (!node->count) {
             const rti_node *child = nodes + node->index;
             rti_v best = rti_vload(p->t), enter0, enter1;
-            unsigned hit0 = rti_hit_box(&s, child, best, &enter0) & live, hit1 = rti_hit_box(&s, child + 1, best, &enter1) & live, both = hit0 & hit1;
+            unsigned hit0 = rti_hit_box(&s, child, best, &enter0) & live, hit1 = rti_hit_box(&s, child + 1, best, &enter1) & live;
+            unsigned both = hit0 & hit1;
             RTI_TALLY(nodes, rti_bit_count(lanes));
             RTI_TALLY(boxes, 2 * rti_bit_count(lanes));
             RTI_TALLY(steps, 1);

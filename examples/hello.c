@@ -7,7 +7,8 @@
 static rt_vec3 minus(rt_vec3 a, rt_vec3 b) { rt_vec3 c = { a.x - b.x, a.y - b.y, a.z - b.z }; return c; }
 static float dot(rt_vec3 a, rt_vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
-int main(void) {
+int main(void)
+{
     static const float corners[] = { -5,0,-5,  5,0,-5,  5,0,5,  -5,0,5 };
     static const uint32_t floor_indices[] = { 0,1,2,  0,2,3 };
     const rt_sphere ball = { {0, 1, 0}, 1 };

@@ -27,7 +27,8 @@ typedef struct pool {
 } pool;
 
 /* Runs calls of the loop at hand until none is left. The lock must not be held. */
-POOL_API void pool_work(pool *p, size_t count, void (*body)(void *context, size_t index), void *context) {
+POOL_API void pool_work(pool *p, size_t count, void (*body)(void *context, size_t index), void *context)
+{
     for (;;) {
         size_t index = __atomic_fetch_add(&p->next, 1, __ATOMIC_RELAXED);
 
@@ -36,7 +37,8 @@ POOL_API void pool_work(pool *p, size_t count, void (*body)(void *context, size_
     }
 }
 
-POOL_API void *pool_thread(void *pool_pointer) {
+POOL_API void *pool_thread(void *pool_pointer)
+{
     pool *p = (pool *)pool_pointer;
     size_t seen = 0;
 
@@ -62,7 +64,8 @@ POOL_API void *pool_thread(void *pool_pointer) {
 }
 
 /* Ends the threads; NULL is fine. No loop may be running. */
-POOL_API void pool_destroy(pool *p) {
+POOL_API void pool_destroy(pool *p)
+{
     int i;
 
     if (!p) return;
@@ -79,7 +82,8 @@ POOL_API void pool_destroy(pool *p) {
 }
 
 /* threads counts the caller of pool_for; 0: as many as there are processors. NULL: out of memory, or the threads cannot start. */
-POOL_API pool *pool_create(int threads) {
+POOL_API pool *pool_create(int threads)
+{
     long processors = threads > 0 ? threads : sysconf(_SC_NPROCESSORS_ONLN);
     int others = processors > 1 ? (int)processors - 1 : 0;
     pool *p = (pool *)calloc(1, sizeof *p);
@@ -109,13 +113,15 @@ no_threads:
 }
 
 /* How many threads work on a loop, the caller of pool_for among them. */
-POOL_API int pool_threads(const pool *p) {
+POOL_API int pool_threads(const pool *p)
+{
     return p->thread_count + 1;
 }
 
 /* Calls body(context, 0..count-1), each once and in any order, on all threads of the pool and this one; returns when all are done.
    A call from inside a body, or while another thread is in pool_for, is legal but runs on its own thread alone. */
-POOL_API void pool_for(void *pool_pointer, size_t count, void (*body)(void *context, size_t index), void *context) {
+POOL_API void pool_for(void *pool_pointer, size_t count, void (*body)(void *context, size_t index), void *context)
+{
     pool *p = (pool *)pool_pointer;
     bool alone;
     size_t i;

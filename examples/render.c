@@ -30,7 +30,8 @@
 #define TILE        32                      /* pixels a side: some hundred tiles a picture, each a millisecond or more of work */
 
 /* Says what is wrong, in one line; false, so that a caller can return it. */
-static bool fail(const char *format, ...) {
+static bool fail(const char *format, ...)
+{
     va_list arguments;
 
     fputs("render: ", stderr);
@@ -43,7 +44,8 @@ static bool fail(const char *format, ...) {
 
 static const char *reason(rt_status status, const rt_error *error) { return error->message[0] ? error->message : rt_status_string(status); }
 
-static double seconds_now(void) {
+static double seconds_now(void)
+{
     struct timespec now;
 
     clock_gettime(CLOCK_MONOTONIC, &now);
@@ -71,7 +73,8 @@ static const char *const structure_names[] = { RT_STRUCTURE_LIST(NAME_OF) };
 static const char *const cull_names[] = { RT_CULL_LIST(NAME_OF) };
 
 /* The place of text among names, or count. */
-static int find_name(const char *text, const char *const *names, int count) {
+static int find_name(const char *text, const char *const *names, int count)
+{
     int i = 0;
 
     while (i < count && strcmp(text, names[i]) != 0) i++;
@@ -79,7 +82,8 @@ static int find_name(const char *text, const char *const *names, int count) {
 }
 
 /* An integer from low to high that ends at the character end. */
-static bool read_int(const char *text, char end, int low, int high, int *value, const char **rest) {
+static bool read_int(const char *text, char end, int low, int high, int *value, const char **rest)
+{
     char *stop;
     long number;
 
@@ -91,7 +95,8 @@ static bool read_int(const char *text, char end, int low, int high, int *value, 
     return true;
 }
 
-static bool read_float(const char *text, char end, float *value, const char **rest) {
+static bool read_float(const char *text, char end, float *value, const char **rest)
+{
     char *stop;
 
     *value = strtof(text, &stop);
@@ -100,7 +105,8 @@ static bool read_float(const char *text, char end, float *value, const char **re
     return true;
 }
 
-static bool read_point(const char *text, point *out) {
+static bool read_point(const char *text, point *out)
+{
     out->given = true;
     return read_float(text, ',', &out->value.x, &text) && read_float(text, ',', &out->value.y, &text) &&
            read_float(text, '\0', &out->value.z, NULL);
@@ -117,26 +123,31 @@ static bool set_light(options *o, const char *text)   { return read_point(text, 
 static bool set_quiet(options *o, const char *text)   { (void)text; o->quiet = true; return true; }
 static bool set_help(options *o, const char *text)    { (void)text; o->help = true; return true; }
 
-static bool set_fov(options *o, const char *text) {
+static bool set_fov(options *o, const char *text)
+{
     return read_float(text, '\0', &o->fov, NULL) && o->fov >= 0.1f && o->fov <= 179;
 }
 
-static bool set_size(options *o, const char *text) {
+static bool set_size(options *o, const char *text)
+{
     return read_int(text, 'x', 1, MAX_SIDE, &o->width, &text) && read_int(text, '\0', 1, MAX_SIDE, &o->height, NULL) &&
            (long long)o->width * o->height <= MAX_PIXELS;
 }
 
-static bool set_structure(options *o, const char *text) {
+static bool set_structure(options *o, const char *text)
+{
     o->structure = (rt_structure)find_name(text, structure_names, RT_STRUCTURE_COUNT);
     return o->structure != RT_STRUCTURE_COUNT;
 }
 
-static bool set_cull(options *o, const char *text) {
+static bool set_cull(options *o, const char *text)
+{
     o->cull = (rt_cull)find_name(text, cull_names, RT_CULL_COUNT);
     return o->cull != RT_CULL_COUNT;
 }
 
-static bool set_algorithm(options *o, const char *text) {
+static bool set_algorithm(options *o, const char *text)
+{
     size_t i = 0;
 
     while ((o->algorithm = rt_algorithm_get(i)) != NULL && strcmp(text, o->algorithm->name) != 0) i++;
@@ -177,13 +188,15 @@ static const char *const unbuilt_options[] = { "--depth", "--sampler", "--time",
 #define UNBUILT_COUNT (sizeof unbuilt_options / sizeof unbuilt_options[0])
 
 /* Is argument "name" or "name=..."? */
-static bool names_option(const char *argument, const char *name) {
+static bool names_option(const char *argument, const char *name)
+{
     size_t length = strlen(name);
 
     return strncmp(argument, name, length) == 0 && (argument[length] == '\0' || argument[length] == '=');
 }
 
-static bool parse_options(options *o, int argc, char **argv) {
+static bool parse_options(options *o, int argc, char **argv)
+{
     int i;
 
     for (i = 1; i < argc; i++) {
@@ -212,7 +225,8 @@ static bool parse_options(options *o, int argc, char **argv) {
     return o->help || o->scene_name || fail("no scene given; see --help");
 }
 
-static void print_help(void) {
+static void print_help(void)
+{
     const rt_algorithm_info *info;
     size_t i;
 
@@ -236,7 +250,8 @@ static void print_help(void) {
 }
 
 /* Completes the structure, and asks the library with an empty scene whether it can do what is wanted: before time goes into loading. */
-static bool check_tracing(options *o, rt_trace_options *trace) {
+static bool check_tracing(options *o, rt_trace_options *trace)
+{
     rt_structure wanted = o->algorithm->structure;
     rt_geometry nothing = {0};
     rt_build_options build = {0};
@@ -262,7 +277,8 @@ static bool check_tracing(options *o, rt_trace_options *trace) {
 /* ---- >>output ------------------------------------------------------------------------------------------------------- */
 
 /* Keeps the signals that end a program waiting while a temporary file exists, so that none is left behind. */
-static void hold_signals(int how) {
+static void hold_signals(int how)
+{
     sigset_t set;
 
     sigemptyset(&set);
@@ -273,7 +289,8 @@ static void hold_signals(int how) {
 }
 
 /* Finds out before the work whether the picture can be written afterwards: by writing an empty file beside it. */
-static bool check_output(const char *path, const char *scene_name) {
+static bool check_output(const char *path, const char *scene_name)
+{
     struct stat status;
     char temporary[4096];
     int file;
@@ -295,7 +312,8 @@ static bool check_output(const char *path, const char *scene_name) {
 }
 
 /* For one thread only: signals are held in the thread that calls. */
-static bool write_picture(const options *o, const rt_vec3 *pixels) {
+static bool write_picture(const options *o, const rt_vec3 *pixels)
+{
     char message[256] = "";
     bool written;
 
@@ -315,7 +333,8 @@ typedef struct {
 } progress;
 
 /* Replaces the line that is on the screen; "" clears it. */
-static void progress_line(const progress *bar, const char *format, ...) {
+static void progress_line(const progress *bar, const char *format, ...)
+{
     va_list arguments;
 
     if (!bar->shown) return;
@@ -327,7 +346,8 @@ static void progress_line(const progress *bar, const char *format, ...) {
 }
 
 /* part: how much of the work is done, in (0, 1]. */
-static void progress_draw(progress *bar, double elapsed, double part, uint64_t rays) {
+static void progress_draw(progress *bar, double elapsed, double part, uint64_t rays)
+{
     int full = (int)(part * BAR_WIDTH);
     long left = (long)(elapsed * (1 - part) / part);
 
@@ -353,7 +373,8 @@ typedef struct {
     progress *bar;
 } frame;
 
-static void render_one_tile(void *context, size_t index) {
+static void render_one_tile(void *context, size_t index)
+{
     frame *f = context;
     rt_render_options how = f->how;
     rt_ray_counts rays = {0};
@@ -376,7 +397,8 @@ static void render_one_tile(void *context, size_t index) {
     pthread_mutex_unlock(&f->lock);
 }
 
-static rt_status render_frame(frame *f, pool *workers) {
+static rt_status render_frame(frame *f, pool *workers)
+{
     f->columns = (size_t)(f->how.width + TILE - 1) / TILE;
     f->tiles = f->columns * ((size_t)(f->how.height + TILE - 1) / TILE);
     f->start = seconds_now();
@@ -387,7 +409,8 @@ static rt_status render_frame(frame *f, pool *workers) {
 }
 
 /* Puts the options' camera and light in the place of the scene's; default lights follow the camera. */
-static bool aim(const options *o, const scene *loaded, rt_scene *view, rt_light lights[2]) {
+static bool aim(const options *o, const scene *loaded, rt_scene *view, rt_light lights[2])
+{
     rt_camera *camera = &view->camera;
     double x, y, z;                         /* the view, in double so that products of tiny components do not vanish */
 
@@ -420,7 +443,8 @@ static bool aim(const options *o, const scene *loaded, rt_scene *view, rt_light 
 typedef struct { char text[32]; } label;
 
 /* 1234567 as "1,234,567". */
-static const char *grouped(uint64_t value, label *out) {
+static const char *grouped(uint64_t value, label *out)
+{
     char *at = out->text + sizeof out->text - 1;
     int digits = 0;
 
@@ -434,7 +458,8 @@ static const char *grouped(uint64_t value, label *out) {
     return at;
 }
 
-static const char *byte_size(size_t bytes, label *out) {
+static const char *byte_size(size_t bytes, label *out)
+{
     static const char *const units[] = { "bytes", "KiB", "MiB", "GiB", "TiB" };
     double value = (double)bytes;
     int unit = 0;
@@ -448,7 +473,8 @@ static const char *byte_size(size_t bytes, label *out) {
 }
 
 static void print_summary(const options *o, const scene *loaded, const rt_info *tree, const frame *f, int threads, double load_seconds,
-                          double build_seconds, double render_seconds) {
+                          double build_seconds, double render_seconds)
+{
     size_t primitives = tree->triangles + tree->spheres;
     uint64_t rays = f->rays.primary + f->rays.shadow;
     label a, b, c;
@@ -469,7 +495,8 @@ static void print_summary(const options *o, const scene *loaded, const rt_info *
 
 /* ---- >>main --------------------------------------------------------------------------------------------------------- */
 
-static bool load(const options *o, const progress *bar, scene *out) {
+static bool load(const options *o, const progress *bar, scene *out)
+{
     scene_error error = {0};
     bool loaded;
 
@@ -489,7 +516,8 @@ static bool load(const options *o, const progress *bar, scene *out) {
 }
 
 /* All from the options to the written picture. */
-static bool render(options *o) {
+static bool render(options *o)
+{
     progress bar = {0};
     scene loaded = {0};
     pool *workers = NULL;
@@ -555,7 +583,8 @@ cleanup:
     return done;
 }
 
-int main(int argc, char **argv) {
+int main(int argc, char **argv)
+{
     options o = {0};
 
     o.output = "out.ppm";

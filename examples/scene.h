@@ -99,7 +99,8 @@ typedef struct {
 
 typedef struct { uint32_t v, n; } sn_corner;                            /* n RT_NONE: no normal */
 
-static bool sn_grow(sn_array *array, size_t item, size_t more) {
+static bool sn_grow(sn_array *array, size_t item, size_t more)
+{
     size_t capacity = array->capacity < 32 ? 64 : array->capacity;
     void *data;
 
@@ -117,7 +118,8 @@ static bool sn_grow(sn_array *array, size_t item, size_t more) {
 }
 
 /* Room for more items at the end of array, not set yet; NULL, and b->no_memory, when there is none. */
-SCENE_HOT void *sn_add(sn_builder *b, sn_array *array, size_t item, size_t more) {
+SCENE_HOT void *sn_add(sn_builder *b, sn_array *array, size_t item, size_t more)
+{
     void *added;
 
     if (array->capacity - array->count < more && !sn_grow(array, item, more)) {
@@ -130,7 +132,8 @@ SCENE_HOT void *sn_add(sn_builder *b, sn_array *array, size_t item, size_t more)
 }
 
 /* The array's memory, trimmed, which the caller then owns; NULL if it is empty. */
-static void *sn_take(sn_array *array, size_t item) {
+static void *sn_take(sn_array *array, size_t item)
+{
     void *data = array->data;
 
     if (array->count == 0) {
@@ -145,7 +148,8 @@ static void *sn_take(sn_array *array, size_t item) {
     return data;
 }
 
-static void sn_release(sn_builder *b) {
+static void sn_release(sn_builder *b)
+{
     sn_array *arrays[] = { &b->vertices, &b->colors, &b->normals, &b->triangles, &b->triangle_normals, &b->triangle_materials,
                            &b->spheres, &b->sphere_materials, &b->materials, &b->material_defined, &b->material_names.text,
                            &b->material_names.names, &b->material_names.slots, &b->libraries.text, &b->libraries.names,
@@ -158,7 +162,8 @@ static void sn_release(sn_builder *b) {
 /* ---- >>report ------------------------------------------------------------------------------------------------------- */
 
 /* "file:line: text"; without the line number if that is 0. */
-static void sn_message(const sn_builder *b, char *out, size_t size, const char *format, va_list arguments) {
+static void sn_message(const sn_builder *b, char *out, size_t size, const char *format, va_list arguments)
+{
     int used = b->line ? snprintf(out, size, "%s:%zu: ", b->file, b->line) : snprintf(out, size, "%s: ", b->file);
 
     if (used >= 0 && (size_t)used < size) vsnprintf(out + used, size - (size_t)used, format, arguments);
@@ -166,7 +171,8 @@ static void sn_message(const sn_builder *b, char *out, size_t size, const char *
 
 /* Reports what is wrong at b->file, b->line; false, so that a caller can return it. */
 __attribute__((format(printf, 2, 3)))
-static bool sn_fail(sn_builder *b, const char *format, ...) {
+static bool sn_fail(sn_builder *b, const char *format, ...)
+{
     char message[512];
     va_list arguments;
 
@@ -179,7 +185,8 @@ static bool sn_fail(sn_builder *b, const char *format, ...) {
 }
 
 __attribute__((format(printf, 2, 3)))
-static void sn_warn(sn_builder *b, const char *format, ...) {
+static void sn_warn(sn_builder *b, const char *format, ...)
+{
     va_list arguments;
 
     if (b->warnings++ > 0) return;
@@ -201,7 +208,8 @@ SCENE_HOT bool sn_is_break(char c) { return (unsigned char)c <= ' '; }
 SCENE_HOT bool sn_is_digit(char c) { return (unsigned)(c - '0') < 10; }
 SCENE_HOT bool sn_is_letter(char c) { return (unsigned)((c | 32) - 'a') < 26 || c == '_'; }
 
-SCENE_HOT const char *sn_skip(const char *p) {
+SCENE_HOT const char *sn_skip(const char *p)
+{
     while (sn_is_blank(*p)) p++;
     return p;
 }
@@ -209,26 +217,30 @@ SCENE_HOT const char *sn_skip(const char *p) {
 /* Nothing, or only a comment, is left of the line. */
 SCENE_HOT bool sn_at_end(const char *p) { return *p == '\n' || *p == '#'; }
 
-SCENE_HOT const char *sn_token_end(const char *p) {
+SCENE_HOT const char *sn_token_end(const char *p)
+{
     while (!sn_is_break(*p)) p++;
     return p;
 }
 
 /* The end of a token that begins with a letter and holds letters, digits and _ only; else NULL. */
-static const char *sn_word_end(const char *p) {
+static const char *sn_word_end(const char *p)
+{
     if (!sn_is_letter(*p)) return NULL;
     while (sn_is_letter(*p) || sn_is_digit(*p)) p++;
     return sn_is_break(*p) ? p : NULL;
 }
 
-static bool sn_is_word(const char *p, const char *word) {
+static bool sn_is_word(const char *p, const char *word)
+{
     size_t length = strlen(word);
 
     return strncmp(p, word, length) == 0 && sn_is_break(p[length]);
 }
 
 /* The rest of the line without blanks around it; a comment may be part of a name. */
-static sn_name sn_rest(const char *text, const char *p) {
+static sn_name sn_rest(const char *text, const char *p)
+{
     const char *end;
     sn_name rest;
 
@@ -243,7 +255,8 @@ static sn_name sn_rest(const char *text, const char *p) {
 /* A token for a message: short, and printable. */
 typedef struct { char text[40]; } sn_quoted;
 
-static sn_quoted sn_quote(const char *token, const char *end) {
+static sn_quoted sn_quote(const char *token, const char *end)
+{
     sn_quoted quoted;
     size_t i = 0;
 
@@ -254,7 +267,8 @@ static sn_quoted sn_quote(const char *token, const char *end) {
 }
 
 /* UTF-16 to UTF-8; a surrogate without its mate becomes U+FFFD. out holds 3 bytes for 2 of text. */
-static size_t sn_utf8(const unsigned char *text, size_t size, bool big, char *out) {
+static size_t sn_utf8(const unsigned char *text, size_t size, bool big, char *out)
+{
     const int high = big ? 0 : 1;
     size_t i, used = 0;
 
@@ -289,7 +303,8 @@ static size_t sn_utf8(const unsigned char *text, size_t size, bool big, char *ou
 }
 
 /* CR LF and CR become LF, a NUL a blank. */
-static void sn_normalise(sn_text *text) {
+static void sn_normalise(sn_text *text)
+{
     const char *from = text->data, *end = from + text->size;
     char *to = text->data;
 
@@ -304,7 +319,8 @@ static void sn_normalise(sn_text *text) {
 }
 
 /* Reads a whole file; false with *why set when it cannot be read, or with b->no_memory set. The caller frees text->data. */
-static bool sn_read(sn_builder *b, const char *path, sn_text *text, const char **why) {
+static bool sn_read(sn_builder *b, const char *path, sn_text *text, const char **why)
+{
     struct stat about;
     FILE *file;
     unsigned char *bytes;
@@ -354,7 +370,8 @@ static bool sn_read(sn_builder *b, const char *path, sn_text *text, const char *
 }
 
 /* The end of the statement at p: joins lines that end in a backslash, counts the lines it takes. */
-static char *sn_statement_end(const sn_text *text, char *p, size_t *lines) {
+static char *sn_statement_end(const sn_text *text, char *p, size_t *lines)
+{
     char *end = text->data + text->size;
     const bool comment = *sn_skip(p) == '#';
     char *stop = p;
@@ -373,7 +390,8 @@ static char *sn_statement_end(const sn_text *text, char *p, size_t *lines) {
 typedef enum { SN_NUMBER, SN_NOT_FINITE, SN_NOT_A_NUMBER } sn_kind;
 
 /* The slow way for a decimal number whose syntax is right: nearest float. strtof sees no decimal point, so the locale does not matter. */
-static float sn_number_exact(const char *p, const char *end) {
+static float sn_number_exact(const char *p, const char *end)
+{
     char buffer[160];
     const size_t most = 128;                /* digits that decide which of two neighbouring floats is nearer: fewer than that */
     size_t used = 0;
@@ -408,7 +426,8 @@ static float sn_number_exact(const char *p, const char *end) {
 }
 
 /* Reads the number at *at, a whole token, as the nearest float, and moves *at behind it (not if there is none). */
-SCENE_HOT sn_kind sn_number(const char **at, float *out) {
+SCENE_HOT sn_kind sn_number(const char **at, float *out)
+{
     static const double powers[] = { 1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16,
                                      1e17, 1e18, 1e19, 1e20, 1e21, 1e22 };
     const uint64_t full = UINT64_C(1000000000000000000);
@@ -476,14 +495,16 @@ SCENE_HOT sn_kind sn_number(const char **at, float *out) {
 }
 
 /* Says what is wrong with the token at p. */
-static bool sn_fail_number(sn_builder *b, const char *statement, const char *p, sn_kind kind) {
+static bool sn_fail_number(sn_builder *b, const char *statement, const char *p, sn_kind kind)
+{
     sn_quoted token = sn_quote(p, sn_token_end(p));
 
     return sn_fail(b, kind == SN_NOT_FINITE ? "%s: '%s' is not a finite number" : "%s: '%s' is not a number", statement, token.text);
 }
 
 /* Reads the numbers on the rest of the line, up to most; how many, or -1 after a report. Behind the last one nothing is read. */
-SCENE_HOT int sn_numbers(sn_builder *b, const char *statement, const char **at, float *out, int least, int most) {
+SCENE_HOT int sn_numbers(sn_builder *b, const char *statement, const char **at, float *out, int least, int most)
+{
     const char *p = *at;
     int count = 0;
 
@@ -504,7 +525,8 @@ SCENE_HOT int sn_numbers(sn_builder *b, const char *statement, const char **at, 
 
 /* ---- >>build -------------------------------------------------------------------------------------------------------- */
 
-SCENE_HOT rt_vec3 sn_vec3(float x, float y, float z) {
+SCENE_HOT rt_vec3 sn_vec3(float x, float y, float z)
+{
     rt_vec3 v;
 
     v.x = x;
@@ -513,14 +535,16 @@ SCENE_HOT rt_vec3 sn_vec3(float x, float y, float z) {
     return v;
 }
 
-SCENE_HOT void sn_add_vertex(sn_builder *b, rt_vec3 position) {
+SCENE_HOT void sn_add_vertex(sn_builder *b, rt_vec3 position)
+{
     rt_vec3 *vertex = (rt_vec3 *)sn_add(b, &b->vertices, sizeof *vertex, 1);
 
     if (vertex) *vertex = position;
 }
 
 /* Gives the last vertex a colour; those before it without one are white. */
-static void sn_color_vertex(sn_builder *b, rt_vec3 color) {
+static void sn_color_vertex(sn_builder *b, rt_vec3 color)
+{
     size_t missing = b->vertices.count - b->colors.count, i;
     rt_vec3 *colors = (rt_vec3 *)sn_add(b, &b->colors, sizeof *colors, missing);
 
@@ -530,7 +554,8 @@ static void sn_color_vertex(sn_builder *b, rt_vec3 color) {
 }
 
 /* Normals are stored with unit length, those without a direction as zero. */
-static void sn_add_normal(sn_builder *b, float x, float y, float z) {
+static void sn_add_normal(sn_builder *b, float x, float y, float z)
+{
     const double length = sqrt((double)x * (double)x + (double)y * (double)y + (double)z * (double)z);
     rt_vec3 *normal = (rt_vec3 *)sn_add(b, &b->normals, sizeof *normal, 1);
 
@@ -544,7 +569,8 @@ static void sn_add_normal(sn_builder *b, float x, float y, float z) {
 }
 
 /* normals NULL, or one of them RT_NONE: flat. */
-SCENE_HOT void sn_add_triangle(sn_builder *b, sn_corner c0, sn_corner c1, sn_corner c2) {
+SCENE_HOT void sn_add_triangle(sn_builder *b, sn_corner c0, sn_corner c1, sn_corner c2)
+{
     const bool smooth = c0.n != RT_NONE && c1.n != RT_NONE && c2.n != RT_NONE;
     uint32_t *v = (uint32_t *)sn_add(b, &b->triangles, 3 * sizeof *v, 1);
     uint32_t *material = (uint32_t *)sn_add(b, &b->triangle_materials, sizeof *material, 1);
@@ -567,7 +593,8 @@ SCENE_HOT void sn_add_triangle(sn_builder *b, sn_corner c0, sn_corner c1, sn_cor
     }
 }
 
-static void sn_add_sphere(sn_builder *b, rt_vec3 center, float radius) {
+static void sn_add_sphere(sn_builder *b, rt_vec3 center, float radius)
+{
     rt_sphere *sphere = (rt_sphere *)sn_add(b, &b->spheres, sizeof *sphere, 1);
     uint32_t *material = (uint32_t *)sn_add(b, &b->sphere_materials, sizeof *material, 1);
 
@@ -577,7 +604,8 @@ static void sn_add_sphere(sn_builder *b, rt_vec3 center, float radius) {
     *material = b->material;
 }
 
-static void sn_add_light(sn_builder *b, rt_vec3 position, rt_vec3 color) {
+static void sn_add_light(sn_builder *b, rt_vec3 position, rt_vec3 color)
+{
     rt_light *light = (rt_light *)sn_add(b, &b->lights, sizeof *light, 1);
 
     if (!light) return;
@@ -590,16 +618,19 @@ static void sn_add_light(sn_builder *b, rt_vec3 position, rt_vec3 color) {
 typedef struct { double x, y; uint32_t next, prev; } sn_clip_corner;
 
 /* Twice the area of a triangle, positive if it turns left. */
-static double sn_turn(const sn_clip_corner *a, const sn_clip_corner *b, const sn_clip_corner *c) {
+static double sn_turn(const sn_clip_corner *a, const sn_clip_corner *b, const sn_clip_corner *c)
+{
     return (b->x - a->x) * (c->y - a->y) - (b->y - a->y) * (c->x - a->x);
 }
 
-static bool sn_same(const sn_clip_corner *a, const sn_clip_corner *b) {
+static bool sn_same(const sn_clip_corner *a, const sn_clip_corner *b)
+{
     return !(a->x < b->x || a->x > b->x || a->y < b->y || a->y > b->y);
 }
 
 /* Can the corner i be cut off? Corners that touch a corner of the ear do not count: polygons with a hole visit some places twice. */
-static bool sn_is_ear(const sn_clip_corner *c, uint32_t i, uint64_t *budget) {
+static bool sn_is_ear(const sn_clip_corner *c, uint32_t i, uint64_t *budget)
+{
     const sn_clip_corner *b = &c[i], *a = &c[b->prev], *d = &c[b->next];
     const sn_clip_corner *p;
 
@@ -613,7 +644,8 @@ static bool sn_is_ear(const sn_clip_corner *c, uint32_t i, uint64_t *budget) {
 }
 
 /* Projects a polygon to the coordinate plane that it faces most; false if it faces none. */
-static bool sn_project(const float (*vertices)[3], const sn_corner *corners, size_t count, sn_clip_corner *out) {
+static bool sn_project(const float (*vertices)[3], const sn_corner *corners, size_t count, sn_clip_corner *out)
+{
     const float *origin = vertices[corners[0].v];
     double normal[3] = { 0, 0, 0 };
     size_t i, axis, u, v;
@@ -642,7 +674,8 @@ static bool sn_project(const float (*vertices)[3], const sn_corner *corners, siz
     return true;
 }
 
-static bool sn_is_convex(const sn_clip_corner *c, size_t count) {
+static bool sn_is_convex(const sn_clip_corner *c, size_t count)
+{
     size_t i;
 
     for (i = 0; i < count; i++)
@@ -653,7 +686,8 @@ static bool sn_is_convex(const sn_clip_corner *c, size_t count) {
 /* Adds count - 2 triangles, always, by cutting ears off. Where no ear is left (the polygon crosses itself, or has no area) it settles
    for a corner without area, then for any; so too when the budget is spent, which only input made for that can do: it keeps
    the time of a load in proportion to its corners, though an ear takes a look at all corners that are left. */
-static void sn_add_polygon(sn_builder *b, const sn_corner *corners, size_t count) {
+static void sn_add_polygon(sn_builder *b, const sn_corner *corners, size_t count)
+{
     size_t left = count, misses = 0, i;
     sn_clip_corner *c = NULL;
     uint32_t at = 0;
@@ -690,7 +724,8 @@ static void sn_add_polygon(sn_builder *b, const sn_corner *corners, size_t count
 
 /* ---- >>names -------------------------------------------------------------------------------------------------------- */
 
-static size_t sn_hash(const char *text, size_t length) {
+static size_t sn_hash(const char *text, size_t length)
+{
     uint64_t hash = UINT64_C(14695981039346656037);     /* FNV-1a */
     size_t i;
 
@@ -699,7 +734,8 @@ static size_t sn_hash(const char *text, size_t length) {
 }
 
 /* The slot that holds the name, or the empty one where it would go; slots.count is a power of 2, and some slot is empty. */
-static uint32_t *sn_slot(const sn_names *set, const char *text, size_t length) {
+static uint32_t *sn_slot(const sn_names *set, const char *text, size_t length)
+{
     const sn_name *names = (const sn_name *)set->names.data;
     uint32_t *slots = (uint32_t *)set->slots.data;
     size_t i;
@@ -709,12 +745,14 @@ static uint32_t *sn_slot(const sn_names *set, const char *text, size_t length) {
     return &slots[i];
 }
 
-static uint32_t sn_find(const sn_names *set, const char *text, size_t length) {
+static uint32_t sn_find(const sn_names *set, const char *text, size_t length)
+{
     return set->slots.count ? *sn_slot(set, text, length) : RT_NONE;
 }
 
 /* The number of a name, a new one if the set does not have it; RT_NONE when out of memory. */
-static uint32_t sn_intern(sn_builder *b, sn_names *set, const char *text, size_t length) {
+static uint32_t sn_intern(sn_builder *b, sn_names *set, const char *text, size_t length)
+{
     uint32_t found = b->no_memory ? RT_NONE : sn_find(set, text, length);
     sn_name *name;
     char *copy;
@@ -745,18 +783,21 @@ static uint32_t sn_intern(sn_builder *b, sn_names *set, const char *text, size_t
     return (uint32_t)(set->names.count - 1);
 }
 
-static const char *sn_name_text(const sn_names *set, size_t i) {
+static const char *sn_name_text(const sn_names *set, size_t i)
+{
     return (const char *)set->text.data + ((const sn_name *)set->names.data)[i].start;
 }
 
-static rt_material sn_grey(void) {
+static rt_material sn_grey(void)
+{
     rt_material m = { { 0.8f, 0.8f, 0.8f }, { 0, 0, 0 }, { 0, 0, 0 }, 1 };
 
     return m;
 }
 
 /* The number of the material with that name, which may be defined later; RT_NONE when out of memory. */
-static uint32_t sn_use_material(sn_builder *b, const char *name, size_t length) {
+static uint32_t sn_use_material(sn_builder *b, const char *name, size_t length)
+{
     uint32_t number = sn_intern(b, &b->material_names, name, length);
 
     if (number != RT_NONE && number == b->materials.count) {
@@ -771,7 +812,8 @@ static uint32_t sn_use_material(sn_builder *b, const char *name, size_t length) 
 }
 
 /* Defines the material and makes it that of what is added next. */
-static void sn_set_material(sn_builder *b, const char *name, rt_material m) {
+static void sn_set_material(sn_builder *b, const char *name, rt_material m)
+{
     uint32_t number = sn_use_material(b, name, strlen(name));
 
     if (number == RT_NONE) return;
@@ -783,13 +825,15 @@ static void sn_set_material(sn_builder *b, const char *name, rt_material m) {
 /* ---- >>mtl ---------------------------------------------------------------------------------------------------------- */
 
 /* A highlight with an exponent below 1 would cover the whole surface: exporters write Ns 0 where there is none. */
-static void sn_settle_material(rt_material *m, int illum) {
+static void sn_settle_material(rt_material *m, int illum)
+{
     if (m->shininess < 1) m->shininess = 0;
     if (m->shininess < 1 || illum == 0 || illum == 1) m->specular = sn_vec3(0, 0, 0);
 }
 
 /* r g b, or r alone for grey. */
-static void sn_mtl_color(sn_builder *b, const char *key, const char *p, rt_vec3 *out) {
+static void sn_mtl_color(sn_builder *b, const char *key, const char *p, rt_vec3 *out)
+{
     float c[3];
     int count;
 
@@ -803,7 +847,8 @@ static void sn_mtl_color(sn_builder *b, const char *key, const char *p, rt_vec3 
     else if (count > 0) *out = count == 1 ? sn_vec3(c[0], c[0], c[0]) : sn_vec3(c[0], c[1], c[2]);
 }
 
-static void sn_mtl(sn_builder *b, sn_text *text) {
+static void sn_mtl(sn_builder *b, sn_text *text)
+{
     static const char *const scalars[] = { "Ns", "d", "Tr", "Ni", "illum" };
     rt_material ignored = sn_grey(), *m = NULL;
     char *p, *stop;
@@ -858,7 +903,8 @@ static void sn_mtl(sn_builder *b, sn_text *text) {
 }
 
 /* Reads the .mtl file at path, if that has not been done; false if there is none. */
-static bool sn_mtl_file(sn_builder *b, const char *path) {
+static bool sn_mtl_file(sn_builder *b, const char *path)
+{
     const char *obj = b->file, *why;
     const size_t line = b->line, length = strlen(path);
     sn_text text;
@@ -877,7 +923,8 @@ static bool sn_mtl_file(sn_builder *b, const char *path) {
 }
 
 /* The same for a name beside the .obj file; one written on Windows may have backslashes. */
-static bool sn_mtl_named(sn_builder *b, const char *name, size_t length) {
+static bool sn_mtl_named(sn_builder *b, const char *name, size_t length)
+{
     const char *slash = name[0] == '/' ? NULL : strrchr(b->file, '/');
     const size_t folder = slash ? (size_t)(slash + 1 - b->file) : 0;
     char *path = (char *)malloc(folder + length + 1), *p;
@@ -901,7 +948,8 @@ static bool sn_mtl_named(sn_builder *b, const char *name, size_t length) {
 }
 
 /* mtllib a.mtl b.mtl. The names may be one that holds blanks, or have backslashes before their blanks. */
-static void sn_mtllib(sn_builder *b, const char *text, const char *p) {
+static void sn_mtllib(sn_builder *b, const char *text, const char *p)
+{
     const sn_name all = sn_rest(text, p);
     const char *end = text + all.start + all.length;
 
@@ -940,7 +988,8 @@ typedef struct {
     bool unmet[3];                          /* faces have indices of a kind of which the file has none at all */
 } sn_obj;
 
-static void sn_obj_vertex(sn_obj *o, const char *p) {
+static void sn_obj_vertex(sn_obj *o, const char *p)
+{
     sn_builder *b = o->b;
     float x[7];
     int count = 0;
@@ -970,7 +1019,8 @@ static void sn_obj_vertex(sn_obj *o, const char *p) {
     else if (count >= 6) sn_color_vertex(b, sn_vec3(x[count - 3], x[count - 2], x[count - 1]));
 }
 
-static void sn_obj_normal(sn_obj *o, const char *p) {
+static void sn_obj_normal(sn_obj *o, const char *p)
+{
     sn_builder *b = o->b;
     float n[3] = { 0, 0, 0 };
     sn_kind kind;
@@ -997,7 +1047,8 @@ static void sn_obj_normal(sn_obj *o, const char *p) {
 }
 
 /* Texture coordinates are not used: they only have to be numbers. */
-static void sn_obj_texture(sn_obj *o, const char *p) {
+static void sn_obj_texture(sn_obj *o, const char *p)
+{
     float unused;
     int count = 0;
 
@@ -1037,7 +1088,8 @@ SCENE_HOT bool sn_obj_index(sn_builder *b, const char **at, const char *token, c
 }
 
 /* Says which index of a face refers to nothing, if one does. Texture and normal indices in a file that has no vt or vn do no harm. */
-static bool sn_obj_check(sn_obj *o, const sn_later *face) {
+static bool sn_obj_check(sn_obj *o, const sn_later *face)
+{
     const struct { const char *what; size_t index, count; } kinds[] = {
         { "vertex", face->v, o->b->vertices.count }, { "texture", face->t, o->texture_count }, { "normal", face->n, o->b->normals.count }
     };
@@ -1053,7 +1105,8 @@ static bool sn_obj_check(sn_obj *o, const sn_later *face) {
     return true;
 }
 
-static void sn_obj_face(sn_obj *o, const char *p) {
+static void sn_obj_face(sn_obj *o, const char *p)
+{
     sn_builder *b = o->b;
     sn_later face = { 0, 0, 0, 0, 0, 0, 0 };
     size_t with_normal = 0, i;
@@ -1113,7 +1166,8 @@ static void sn_obj_face(sn_obj *o, const char *p) {
 }
 
 /* Cuts up the faces that had to wait for their vertices, and reports those whose vertices never came. */
-static void sn_obj_finish(sn_obj *o) {
+static void sn_obj_finish(sn_obj *o)
+{
     sn_builder *b = o->b;
     size_t i;
 
@@ -1133,7 +1187,8 @@ static void sn_obj_finish(sn_obj *o) {
     }
 }
 
-static void sn_obj_statement(sn_obj *o, const char *text, const char *p) {
+static void sn_obj_statement(sn_obj *o, const char *text, const char *p)
+{
     sn_builder *b = o->b;
     const char *end;
 
@@ -1160,7 +1215,8 @@ static void sn_obj_statement(sn_obj *o, const char *text, const char *p) {
 }
 
 /* Materials that were used and not defined: "red # like this" may stand for "red", on either side; else they stay grey. */
-static void sn_obj_materials(sn_builder *b) {
+static void sn_obj_materials(sn_builder *b)
+{
     bool *defined = (bool *)b->material_defined.data;
     rt_material *materials = (rt_material *)b->materials.data;
     size_t i, missing = 0, first = 0;
@@ -1184,7 +1240,8 @@ static void sn_obj_materials(sn_builder *b) {
             sn_name_text(&b->material_names, first));
 }
 
-static void sn_obj_file(sn_builder *b, const sn_text *text) {
+static void sn_obj_file(sn_builder *b, const sn_text *text)
+{
     sn_obj o;
     char *p, *stop;
     size_t lines = 0;
@@ -1215,7 +1272,8 @@ typedef struct {
     const char *statement;                  /* "s", for messages */
 } sn_nff;
 
-static void sn_nff_next_line(sn_nff *r) {
+static void sn_nff_next_line(sn_nff *r)
+{
     r->p = (const char *)memchr(r->p, '\n', (size_t)(r->end - r->p) + 1);
     if (r->p == r->end) return;
     r->p++;
@@ -1223,7 +1281,8 @@ static void sn_nff_next_line(sn_nff *r) {
 }
 
 /* Moves to the next token: of this line, or of any. False: there is none. */
-static bool sn_nff_token(sn_nff *r, bool any_line) {
+static bool sn_nff_token(sn_nff *r, bool any_line)
+{
     for (;;) {
         r->p = sn_skip(r->p);
         if (!sn_at_end(r->p)) return true;
@@ -1234,7 +1293,8 @@ static bool sn_nff_token(sn_nff *r, bool any_line) {
 }
 
 /* Reads count numbers; false after a report, and then p is still on the line of what is missing or wrong. */
-static bool sn_nff_numbers(sn_nff *r, float *out, int count) {
+static bool sn_nff_numbers(sn_nff *r, float *out, int count)
+{
     int i;
 
     for (i = 0; i < count; i++) {
@@ -1254,18 +1314,21 @@ static bool sn_nff_numbers(sn_nff *r, float *out, int count) {
 }
 
 /* Reads up to most further numbers of this line; how many. */
-static int sn_nff_more(sn_nff *r, float *out, int most) {
+static int sn_nff_more(sn_nff *r, float *out, int most)
+{
     int count = 0;
 
     while (count < most && sn_nff_token(r, false) && sn_number(&r->p, &out[count]) == SN_NUMBER) count++;
     return count;
 }
 
-static rt_vec3 sn_nff_vec3(const float *x) {
+static rt_vec3 sn_nff_vec3(const float *x)
+{
     return sn_vec3(x[0], x[1], x[2]);
 }
 
-static bool sn_nff_background(sn_nff *r) {
+static bool sn_nff_background(sn_nff *r)
+{
     float x[3];
 
     if (!sn_nff_numbers(r, x, 3)) return false;
@@ -1275,7 +1338,8 @@ static bool sn_nff_background(sn_nff *r) {
 }
 
 /* The product of two vectors, in double so that those of tiny components do not vanish; false if it is zero: they are parallel. */
-static bool sn_cross(const rt_vec3 *a, const rt_vec3 *b, double out[3]) {
+static bool sn_cross(const rt_vec3 *a, const rt_vec3 *b, double out[3])
+{
     out[0] = (double)a->y * (double)b->z - (double)a->z * (double)b->y;
     out[1] = (double)a->z * (double)b->x - (double)a->x * (double)b->z;
     out[2] = (double)a->x * (double)b->y - (double)a->y * (double)b->x;
@@ -1283,7 +1347,8 @@ static bool sn_cross(const rt_vec3 *a, const rt_vec3 *b, double out[3]) {
 }
 
 /* v, then its parts, in any order. */
-static bool sn_nff_view(sn_nff *r) {
+static bool sn_nff_view(sn_nff *r)
+{
     enum { FROM, AT, UP, ANGLE, HITHER, RESOLUTION, PARTS };
     static const struct { const char *word; int count; } parts[PARTS] = {
         { "from", 3 }, { "at", 3 }, { "up", 3 }, { "angle", 1 }, { "hither", 1 }, { "resolution", 2 }
@@ -1332,7 +1397,8 @@ static bool sn_nff_view(sn_nff *r) {
 }
 
 /* f r g b Kd Ks Shine T ior: what is missing at the end is as if the surface were dull. */
-static bool sn_nff_fill(sn_nff *r) {
+static bool sn_nff_fill(sn_nff *r)
+{
     float x[8] = { 0, 0, 0, 1, 0, 0, 0, 1 };
     rt_material m = sn_grey();
     char name[32];
@@ -1351,7 +1417,8 @@ static bool sn_nff_fill(sn_nff *r) {
 }
 
 /* A light without a colour of its own is marked; sn_share_lights gives it its part. */
-static bool sn_nff_light(sn_nff *r) {
+static bool sn_nff_light(sn_nff *r)
+{
     float x[6];
     int more;
 
@@ -1364,7 +1431,8 @@ static bool sn_nff_light(sn_nff *r) {
 
 /* Marked lights share an intensity of 1, so that what faces them all is not burnt out. (The 1 / sqrt(lights) that the SPD name was
    chosen for displays that darken; pictures here are sRGB.) */
-static void sn_share_lights(sn_builder *b) {
+static void sn_share_lights(sn_builder *b)
+{
     const float share = 1 / (float)b->lights.count;
     rt_light *lights = (rt_light *)b->lights.data;
     size_t i;
@@ -1373,7 +1441,8 @@ static void sn_share_lights(sn_builder *b) {
         if (lights[i].color.x < 0) lights[i].color = sn_vec3(share, share, share);
 }
 
-static bool sn_nff_corners(sn_nff *r, bool normals) {
+static bool sn_nff_corners(sn_nff *r, bool normals)
+{
     sn_builder *b = r->b;
     const char *digits;
     uint64_t count = 0, i;
@@ -1407,7 +1476,8 @@ static bool sn_nff_corners(sn_nff *r, bool normals) {
 static bool sn_nff_polygon(sn_nff *r) { return sn_nff_corners(r, false); }
 static bool sn_nff_patch(sn_nff *r)   { return sn_nff_corners(r, true); }
 
-static bool sn_nff_sphere(sn_nff *r) {
+static bool sn_nff_sphere(sn_nff *r)
+{
     float x[4];
 
     if (!sn_nff_numbers(r, x, 4)) return false;
@@ -1416,14 +1486,16 @@ static bool sn_nff_sphere(sn_nff *r) {
     return true;
 }
 
-static rt_vec3 sn_along(rt_vec3 p, float distance, const double d[3]) {
+static rt_vec3 sn_along(rt_vec3 p, float distance, const double d[3])
+{
     const double t = (double)distance;
 
     return sn_vec3((float)((double)p.x + t * d[0]), (float)((double)p.y + t * d[1]), (float)((double)p.z + t * d[2]));
 }
 
 /* An open cone: SCENE_CONE_SEGMENTS sides between two circles, or from a circle to a point, with the normals of the true cone. */
-static void sn_add_cone(sn_builder *b, rt_vec3 base, float base_radius, rt_vec3 apex, float apex_radius) {
+static void sn_add_cone(sn_builder *b, rt_vec3 base, float base_radius, rt_vec3 apex, float apex_radius)
+{
     enum { SIDES = SCENE_CONE_SEGMENTS };
     const rt_vec3 axis = sn_vec3(apex.x - base.x, apex.y - base.y, apex.z - base.z);
     const double length = sqrt((double)axis.x * (double)axis.x + (double)axis.y * (double)axis.y + (double)axis.z * (double)axis.z);
@@ -1469,7 +1541,8 @@ static void sn_add_cone(sn_builder *b, rt_vec3 base, float base_radius, rt_vec3 
 }
 
 /* c base radius, apex radius; on lines of their own or not. */
-static bool sn_nff_cone(sn_nff *r) {
+static bool sn_nff_cone(sn_nff *r)
+{
     sn_builder *b = r->b;
     float x[8];
 
@@ -1485,7 +1558,8 @@ static bool sn_nff_cone(sn_nff *r) {
     return true;
 }
 
-static void sn_nff_file(sn_builder *b, const sn_text *text) {
+static void sn_nff_file(sn_builder *b, const sn_text *text)
+{
     static const struct { const char *word; bool (*read)(sn_nff *r); } statements[] = {
         { "b", sn_nff_background }, { "v", sn_nff_view }, { "l", sn_nff_light }, { "f", sn_nff_fill }, { "s", sn_nff_sphere },
         { "c", sn_nff_cone }, { "p", sn_nff_polygon }, { "pp", sn_nff_patch }
@@ -1523,7 +1597,8 @@ static void sn_nff_file(sn_builder *b, const sn_text *text) {
 
 static const rt_vec3 sn_spd_sky = { 0.078f, 0.361f, 0.753f };
 
-static void sn_set_camera(sn_builder *b, rt_vec3 eye, rt_vec3 look, rt_vec3 up, float fov) {
+static void sn_set_camera(sn_builder *b, rt_vec3 eye, rt_vec3 look, rt_vec3 up, float fov)
+{
     b->camera.eye = eye;
     b->camera.look = look;
     b->camera.up = up;
@@ -1531,12 +1606,14 @@ static void sn_set_camera(sn_builder *b, rt_vec3 eye, rt_vec3 look, rt_vec3 up, 
     b->has_camera = true;
 }
 
-static void sn_set_background(sn_builder *b, rt_vec3 color) {
+static void sn_set_background(sn_builder *b, rt_vec3 color)
+{
     b->background = color;
     b->has_background = true;
 }
 
-static void sn_set_phong(sn_builder *b, const char *name, rt_vec3 diffuse, float specular, float shininess) {
+static void sn_set_phong(sn_builder *b, const char *name, rt_vec3 diffuse, float specular, float shininess)
+{
     rt_material m = sn_grey();
 
     m.diffuse = diffuse;
@@ -1546,7 +1623,8 @@ static void sn_set_phong(sn_builder *b, const char *name, rt_vec3 diffuse, float
 }
 
 /* A polygon as p of NFF would make it. */
-static void sn_add_face(sn_builder *b, const rt_vec3 *points, uint32_t count) {
+static void sn_add_face(sn_builder *b, const rt_vec3 *points, uint32_t count)
+{
     const uint32_t first = (uint32_t)b->vertices.count;
     sn_corner corners[4];
     uint32_t i;
@@ -1562,7 +1640,8 @@ static void sn_add_face(sn_builder *b, const rt_vec3 *points, uint32_t count) {
 }
 
 /* An upright block without its bottom: the corners of its top, in order. */
-static void sn_add_block(sn_builder *b, const rt_vec3 top[4]) {
+static void sn_add_block(sn_builder *b, const rt_vec3 top[4])
+{
     int i;
 
     sn_add_face(b, top, 4);
@@ -1576,7 +1655,8 @@ static void sn_add_block(sn_builder *b, const rt_vec3 top[4]) {
 
 /* The measured box of Cornell University's Program of Computer Graphics, in millimetres; the ceiling is whole, the light hangs 0.8
    below it. Its light comes from the four corners of the lamp. */
-static void sn_make_cornell(sn_builder *b, uint64_t size) {
+static void sn_make_cornell(sn_builder *b, uint64_t size)
+{
     static const rt_vec3 floor_[4] = { { 552.8f, 0, 0 }, { 0, 0, 0 }, { 0, 0, 559.2f }, { 549.6f, 0, 559.2f } };
     static const rt_vec3 ceiling[4] = { { 556, 548.8f, 0 }, { 556, 548.8f, 559.2f }, { 0, 548.8f, 559.2f }, { 0, 548.8f, 0 } };
     static const rt_vec3 back[4] = { { 549.6f, 0, 559.2f }, { 0, 0, 559.2f }, { 0, 548.8f, 559.2f }, { 556, 548.8f, 559.2f } };
@@ -1613,7 +1693,8 @@ static void sn_make_cornell(sn_builder *b, uint64_t size) {
 }
 
 /* A sphere with nine of a third of its size on it: six around its equator, three above, seen along direction. */
-static void sn_add_flake(sn_builder *b, const double center[3], double radius, const double direction[3], uint64_t levels) {
+static void sn_add_flake(sn_builder *b, const double center[3], double radius, const double direction[3], uint64_t levels)
+{
     const double x = direction[0], y = direction[1], z = direction[2], rise = sqrt(2.0 / 3.0), degree = 0.017453292519943295;
     int i, k;
 
@@ -1641,7 +1722,8 @@ static void sn_add_flake(sn_builder *b, const double center[3], double radius, c
 }
 
 /* SPD balls: E. Haines, A Proposal for Standard Graphics Environments, IEEE CG&A 7(11), 1987; so are rings and tetra. */
-static void sn_make_balls(sn_builder *b, uint64_t size) {
+static void sn_make_balls(sn_builder *b, uint64_t size)
+{
     static const rt_vec3 ground[4] = { { 12, 12, -0.5f }, { -12, 12, -0.5f }, { -12, -12, -0.5f }, { 12, -12, -0.5f } };
     const double center[3] = { 0, 0, 0 }, up[3] = { 0, 0, 1 };
 
@@ -1657,7 +1739,8 @@ static void sn_make_balls(sn_builder *b, uint64_t size) {
 }
 
 /* SPD rings: a pyramid of rows of six interlocked pentagons, each of five cylinders and five spheres. */
-static void sn_make_rings(sn_builder *b, uint64_t size) {
+static void sn_make_rings(sn_builder *b, uint64_t size)
+{
     static const rt_vec3 colors[6] = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 }, { 0, 1, 1 }, { 1, 0, 1 }, { 1, 1, 0 } };
     static const char *const names[6] = { "red", "green", "blue", "cyan", "magenta", "yellow" };
     const double thick = 0.07412, radius = 1 / (1 + thick), step = 1 / sin(0.39269908169872414);      /* 22.5 degrees */
@@ -1702,7 +1785,8 @@ static void sn_make_rings(sn_builder *b, uint64_t size) {
 }
 
 /* SPD tetra: Sierpinski's tetrahedron in the cube from -1 to 1; at size 1 a single one, so 4^size triangles. */
-static void sn_make_tetra(sn_builder *b, uint64_t size) {
+static void sn_make_tetra(sn_builder *b, uint64_t size)
+{
     static const double corners[4][3] = { { -1, -1, 1 }, { -1, 1, -1 }, { 1, -1, -1 }, { 1, 1, 1 } };
     static const int faces[4][3] = { { 0, 1, 2 }, { 3, 2, 1 }, { 2, 3, 0 }, { 1, 0, 3 } };
     const uint64_t count = UINT64_C(1) << (2 * (size - 1));
@@ -1734,7 +1818,8 @@ static void sn_make_tetra(sn_builder *b, uint64_t size) {
 }
 
 /* A well mixed number made of another (the finaliser of SplitMix64). */
-static uint64_t sn_mix(uint64_t x) {
+static uint64_t sn_mix(uint64_t x)
+{
     x += UINT64_C(0x9e3779b97f4a7c15);
     x = (x ^ x >> 30) * UINT64_C(0xbf58476d1ce4e5b9);
     x = (x ^ x >> 27) * UINT64_C(0x94d049bb133111eb);
@@ -1742,12 +1827,14 @@ static uint64_t sn_mix(uint64_t x) {
 }
 
 /* The number of that index of a fixed random sequence, in [0, 1). */
-static double sn_random(uint64_t index) {
+static double sn_random(uint64_t index)
+{
     return (double)(sn_mix(index) >> 11) * (1.0 / 9007199254740992.0);
 }
 
 /* Random triangles in the unit cube, with edges of about size^(-1/3), so that they lie as loosely for any size. */
-static void sn_make_cloud(sn_builder *b, uint64_t size) {
+static void sn_make_cloud(sn_builder *b, uint64_t size)
+{
     const double spread = fmin(1, 1.5 * pow((double)size, -1.0 / 3));
     uint64_t i, k;
 
@@ -1772,7 +1859,8 @@ static void sn_make_cloud(sn_builder *b, uint64_t size) {
 }
 
 /* Smooth noise in [0, 1): random values on the integers, blended in between. */
-static double sn_noise(double x, double y, uint64_t seed) {
+static double sn_noise(double x, double y, uint64_t seed)
+{
     const double fx = floor(x), fy = floor(y), u = x - fx, v = y - fy;
     const double su = u * u * u * (u * (u * 6 - 15) + 10), sv = v * v * v * (v * (v * 6 - 15) + 10);
     double corner[4];
@@ -1784,7 +1872,8 @@ static double sn_noise(double x, double y, uint64_t seed) {
 }
 
 /* Ridged fractal noise: sharp where the noise passes its middle, rougher where it is high. */
-static double sn_terrain_height(double x, double y) {
+static double sn_terrain_height(double x, double y)
+{
     double height = 0, scale = 1, rough = 1, frequency = 1.2;
     int octave;
 
@@ -1800,7 +1889,8 @@ static double sn_terrain_height(double x, double y) {
 }
 
 /* Mountains around a lake: a grid of 2 k k triangles over the square from -1 to 1. */
-static void sn_make_terrain(sn_builder *b, uint64_t size) {
+static void sn_make_terrain(sn_builder *b, uint64_t size)
+{
     const uint64_t k = (uint64_t)(sqrt((double)size / 2) + 0.5), row = k + 1;
     const double cell = 2 / (double)k;
     const rt_vec3 water = { 0.06f, 0.16f, 0.26f }, sand = { 0.45f, 0.38f, 0.25f }, grass = { 0.13f, 0.24f, 0.06f };
@@ -1854,7 +1944,8 @@ static void sn_make_terrain(sn_builder *b, uint64_t size) {
 }
 
 /* A closed mesh: two poles, and rings of twice as many vertices as there are rows between them. */
-static void sn_make_sphere(sn_builder *b, uint64_t size) {
+static void sn_make_sphere(sn_builder *b, uint64_t size)
+{
     const uint32_t rows = (uint32_t)((1 + sqrt(1 + (double)size)) / 2 + 0.5), sides = 2 * rows;
     const uint32_t south = (rows - 1) * sides, north = south + 1;
     const double pi = 3.141592653589793;
@@ -1905,7 +1996,8 @@ static const struct { const char *name; uint64_t least, most, fallback; void (*m
 };
 
 /* Makes the scene that b->file names. */
-static void sn_make(sn_builder *b) {
+static void sn_make(sn_builder *b)
+{
     const char *name = b->file, *colon = strchr(name, ':'), *p;
     const size_t length = colon ? (size_t)(colon - name) : strlen(name), rows = sizeof sn_procedurals / sizeof *sn_procedurals;
     size_t i = 0;
@@ -1934,7 +2026,8 @@ static void sn_make(sn_builder *b) {
 
 /* ---- >>camera ------------------------------------------------------------------------------------------------------- */
 
-static void sn_extend(double lower[3], double upper[3], const rt_vec3 *p, float radius) {
+static void sn_extend(double lower[3], double upper[3], const rt_vec3 *p, float radius)
+{
     const float at[3] = { p->x, p->y, p->z };
     int i;
 
@@ -1945,7 +2038,8 @@ static void sn_extend(double lower[3], double upper[3], const rt_vec3 *p, float 
 }
 
 /* A camera that sees the whole scene from the front, above and to the right; of an empty scene, the unit cube. */
-SCENE_API rt_camera scene_default_camera(const scene *s) {
+SCENE_API rt_camera scene_default_camera(const scene *s)
+{
     const rt_geometry *g = &s->geometry;
     double lower[3] = { DBL_MAX, DBL_MAX, DBL_MAX }, upper[3] = { -DBL_MAX, -DBL_MAX, -DBL_MAX }, distance = 0;
     const double direction[3] = { 0.55, 0.4, 0.9 }, length = sqrt(0.55 * 0.55 + 0.4 * 0.4 + 0.9 * 0.9);
@@ -1976,7 +2070,8 @@ SCENE_API rt_camera scene_default_camera(const scene *s) {
 
 /* Two lights for a scene without any: a strong one up and to the left of the camera, and a weak one at the camera, so that
    nothing that it sees is black. Call it again when the camera has moved. */
-SCENE_API void scene_default_lights(const rt_camera *camera, rt_light lights[2]) {
+SCENE_API void scene_default_lights(const rt_camera *camera, rt_light lights[2])
+{
     const rt_vec3 view = sn_vec3(camera->look.x - camera->eye.x, camera->look.y - camera->eye.y, camera->look.z - camera->eye.z);
     const double distance = sqrt((double)view.x * (double)view.x + (double)view.y * (double)view.y + (double)view.z * (double)view.z);
     const double up = sqrt((double)camera->up.x * (double)camera->up.x + (double)camera->up.y * (double)camera->up.y +
@@ -1994,7 +2089,8 @@ SCENE_API void scene_default_lights(const rt_camera *camera, rt_light lights[2])
 
 /* ---- >>public ------------------------------------------------------------------------------------------------------- */
 
-SCENE_API void scene_free(scene *s) {
+SCENE_API void scene_free(scene *s)
+{
     free(s->vertices);
     free(s->indices);
     free(s->spheres);
@@ -2009,7 +2105,8 @@ SCENE_API void scene_free(scene *s) {
 }
 
 /* Triangles that use a normal without a direction become flat. */
-static void sn_flatten(sn_builder *b) {
+static void sn_flatten(sn_builder *b)
+{
     const rt_vec3 *normals = (const rt_vec3 *)b->normals.data;
     uint32_t *n = (uint32_t *)b->triangle_normals.data;
     size_t i, k;
@@ -2020,7 +2117,8 @@ static void sn_flatten(sn_builder *b) {
 }
 
 /* Gives what has no material a grey one, the last. */
-static void sn_fill_materials(sn_builder *b) {
+static void sn_fill_materials(sn_builder *b)
+{
     uint32_t *ids = (uint32_t *)b->triangle_materials.data;
     const uint32_t grey = (uint32_t)b->materials.count;
     rt_material *material;
@@ -2037,7 +2135,8 @@ static void sn_fill_materials(sn_builder *b) {
 }
 
 /* Hands all over to *out, or sets b->no_memory. */
-static void sn_finish(sn_builder *b, scene *out) {
+static void sn_finish(sn_builder *b, scene *out)
+{
     const size_t spheres = b->spheres.count, named = b->material_names.names.count, lights = b->lights.count;
     uint32_t *ids = spheres ? (uint32_t *)sn_add(b, &b->triangle_materials, sizeof *ids, spheres) : NULL;
     size_t i;
@@ -2082,7 +2181,8 @@ static void sn_finish(sn_builder *b, scene *out) {
 }
 
 /* Does name end in extension, in capitals or not? */
-static bool sn_has_extension(const char *name, const char *extension) {
+static bool sn_has_extension(const char *name, const char *extension)
+{
     size_t length = strlen(name), i;
 
     if (length < strlen(extension)) return false;
@@ -2093,7 +2193,8 @@ static bool sn_has_extension(const char *name, const char *extension) {
 
 /* Loads a path that ends in .obj or .nff, or makes a procedural scene. report is called for every malformed line, and may be NULL, as
    may error. On failure *out is zeroed. */
-SCENE_API bool scene_load(scene *out, const char *name, scene_report report, void *user, scene_error *error) {
+SCENE_API bool scene_load(scene *out, const char *name, scene_report report, void *user, scene_error *error)
+{
     const bool obj = sn_has_extension(name, ".obj"), nff = sn_has_extension(name, ".nff");
     sn_builder b;
     sn_text text;
@@ -2132,7 +2233,8 @@ SCENE_API bool scene_load(scene *out, const char *name, scene_report report, voi
 }
 
 /* What rt_render_tile wants; s and accel must outlive it. */
-SCENE_API rt_scene scene_view(const scene *s, const rt_accel *accel) {
+SCENE_API rt_scene scene_view(const scene *s, const rt_accel *accel)
+{
     rt_scene view;
 
     memset(&view, 0, sizeof view);
@@ -2153,25 +2255,29 @@ SCENE_API rt_scene scene_view(const scene *s, const rt_accel *accel) {
 }
 
 /* A line for each procedural scene, for --help. */
-SCENE_API const char *scene_procedural_list(void) {
+SCENE_API const char *scene_procedural_list(void)
+{
     return SCENE_PROCEDURAL_LIST(SN_PROCEDURAL_HELP);
 }
 
 /* ---- >>ppm ---------------------------------------------------------------------------------------------------------- */
 
-static unsigned char sn_to_srgb(float linear) {
+static unsigned char sn_to_srgb(float linear)
+{
     const float x = linear > 0 ? (linear < 1 ? linear : 1) : 0;         /* NaN is black */
 
     return (unsigned char)(255 * (x <= 0.0031308f ? 12.92f * x : 1.055f * powf(x, 1 / 2.4f) - 0.055f) + 0.5f);
 }
 
-static float sn_from_srgb(float x) {
+static float sn_from_srgb(float x)
+{
     return x <= 0.04045f ? x / 12.92f : powf((x + 0.055f) / 1.055f, 2.4f);
 }
 
 /* False, with the message in error. */
 __attribute__((format(printf, 3, 4)))
-static bool sn_fail_ppm(char *error, size_t size, const char *format, ...) {
+static bool sn_fail_ppm(char *error, size_t size, const char *format, ...)
+{
     va_list arguments;
 
     va_start(arguments, format);
@@ -2181,7 +2287,8 @@ static bool sn_fail_ppm(char *error, size_t size, const char *format, ...) {
 }
 
 /* Writes linear colours as an sRGB PPM (P6): to a file beside it that is renamed when it is whole, and removed on failure. */
-SCENE_API bool scene_write_ppm(const char *path, const rt_vec3 *pixels, int width, int height, char *error, size_t error_size) {
+SCENE_API bool scene_write_ppm(const char *path, const rt_vec3 *pixels, int width, int height, char *error, size_t error_size)
+{
     const size_t size = strlen(path) + 32;
     char *temporary;
     unsigned char *row;
@@ -2221,7 +2328,8 @@ SCENE_API bool scene_write_ppm(const char *path, const rt_vec3 *pixels, int widt
 }
 
 /* The next number of a PPM header, behind blanks and comments; -1 if there is none. */
-static int sn_ppm_number(FILE *file) {
+static int sn_ppm_number(FILE *file)
+{
     int c = getc(file), number = -1;
 
     while (c == ' ' || (c >= '\t' && c <= '\r') || c == '#') {
@@ -2234,7 +2342,8 @@ static int sn_ppm_number(FILE *file) {
 }
 
 /* Reads an sRGB PPM (P6) as linear colours; the caller frees *pixels. On failure *pixels is NULL. */
-SCENE_API bool scene_read_ppm(const char *path, rt_vec3 **pixels, int *width, int *height, char *error, size_t error_size) {
+SCENE_API bool scene_read_ppm(const char *path, rt_vec3 **pixels, int *width, int *height, char *error, size_t error_size)
+{
     FILE *file = fopen(path, "rb");
     struct stat about;
     float table[256];

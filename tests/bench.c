@@ -42,7 +42,8 @@ static const char *const default_scenes[] = { "cornell", "balls:3", "sphere:1000
 
 /* ---- >>vectors ------------------------------------------------------------------------------------------------------ */
 
-static rt_vec3 vec(float x, float y, float z) {
+static rt_vec3 vec(float x, float y, float z)
+{
     rt_vec3 v;
     v.x = x, v.y = y, v.z = z;
     return v;
@@ -71,12 +72,14 @@ typedef struct {
 } batch;
 
 /* Bits 0, 2, 4 and 6 of i, put together: x of the i-th cell along a Z curve over 16 x 16 cells; of i / 2: y. */
-static int even_bits(unsigned i) {
+static int even_bits(unsigned i)
+{
     return (int)((i & 1) | (i >> 1 & 2) | (i >> 2 & 4) | (i >> 3 & 8));
 }
 
 /* One ray through the middle of each pixel; rays has room for width * height. */
-static void make_primary(const rt_camera *camera, int width, int height, rt_ray *rays) {
+static void make_primary(const rt_camera *camera, int width, int height, rt_ray *rays)
+{
     int tile_x, tile_y;
     size_t count = 0;
     unsigned i;
@@ -91,18 +94,21 @@ static void make_primary(const rt_camera *camera, int width, int height, rt_ray 
 }
 
 /* A number in [0,1) for each n, always the same: the finaliser of MurmurHash3. */
-static float hashed(uint32_t n) {
+static float hashed(uint32_t n)
+{
     n = (n ^ n >> 16) * 0x85ebca6bu;
     n = (n ^ n >> 13) * 0xc2b2ae35u;
     n ^= n >> 16;
     return (float)(n >> 8) * (1.0f / 16777216.0f);
 }
 
-static uint32_t vertex_index(const rt_geometry *geometry, size_t corner) {
+static uint32_t vertex_index(const rt_geometry *geometry, size_t corner)
+{
     return geometry->indices ? geometry->indices[corner] : (uint32_t)corner;
 }
 
-static rt_vec3 vertex_at(const rt_geometry *geometry, size_t index) {
+static rt_vec3 vertex_at(const rt_geometry *geometry, size_t index)
+{
     rt_vec3 v;
     size_t stride = geometry->vertex_stride ? geometry->vertex_stride : sizeof v;
     memcpy(&v, (const char *)geometry->vertices + stride * index, sizeof v);
@@ -110,7 +116,8 @@ static rt_vec3 vertex_at(const rt_geometry *geometry, size_t index) {
 }
 
 /* The surface's true normal at a hit, of unit length, towards where the ray came from. */
-static rt_vec3 facing_normal(const rt_geometry *geometry, const rt_hit *hit, rt_vec3 point, rt_vec3 dir) {
+static rt_vec3 facing_normal(const rt_geometry *geometry, const rt_hit *hit, rt_vec3 point, rt_vec3 dir)
+{
     rt_vec3 n, corner[3];
     size_t i;
 
@@ -124,7 +131,8 @@ static rt_vec3 facing_normal(const rt_geometry *geometry, const rt_hit *hit, rt_
 }
 
 /* Cosine-weighted direction about n: a point of the unit sphere, shifted by n. */
-static rt_vec3 diffuse_direction(rt_vec3 n, uint32_t seed) {
+static rt_vec3 diffuse_direction(rt_vec3 n, uint32_t seed)
+{
     float z = 1 - 2 * hashed(2 * seed), r = sqrtf(1 - z * z), phi = 6.2831853f * hashed(2 * seed + 1);
     rt_vec3 d = add_scaled(n, vec(r * cosf(phi), r * sinf(phi), z), 0.999f);    /* less than 1: never the zero vector */
     return unit(d);
@@ -132,7 +140,8 @@ static rt_vec3 diffuse_direction(rt_vec3 n, uint32_t seed) {
 
 /* Rays of one secondary kind from where the primary rays hit; returns how many. rays has room for count. */
 static size_t make_secondary(ray_kind kind, const rt_geometry *geometry, rt_vec3 light, const rt_ray *primary, const rt_hit *hits,
-                             size_t count, rt_ray *rays) {
+                             size_t count, rt_ray *rays)
+{
     size_t i, made = 0;
 
     for (i = 0; i < count; i++) {
@@ -183,11 +192,13 @@ struct entry {
 #endif
 };
 
-static void our_trace(const entry *e, const batch *b, size_t first, size_t last) {
+static void our_trace(const entry *e, const batch *b, size_t first, size_t last)
+{
     rt_trace(e->accel, &e->options, b->rays + first, last - first, b->hits + first);    /* counting pass: its options are allowed */
 }
 
-static void our_compare(entry *e, const batch *b) {
+static void our_compare(entry *e, const batch *b)
+{
     size_t i;
     e->other_hits = 0;
     for (i = 0; i < b->count; i++) e->other_hits += memcmp(&b->hits[i], &b->truth[i], sizeof(rt_hit)) != 0;
@@ -212,30 +223,35 @@ enum { EMBREE_MODES = sizeof embree_modes / sizeof *embree_modes };
 enum { ROW_ORG = 0, ROW_TNEAR = 3, ROW_DIR = 4, ROW_TIME = 7, ROW_TFAR = 8, ROW_MASK = 9, ROW_ID = 10, ROW_FLAGS = 11,
        ROW_PRIM = 17, ROW_GEOMETRY = 18, ROW_INSTANCE = 19, ROWS = 20 };
 
-static uint32_t *embree_lane(const entry *e, const batch *b, size_t ray) {
+static uint32_t *embree_lane(const entry *e, const batch *b, size_t ray)
+{
     size_t width = (size_t)e->packet;
     return b->packets + ray / width * width * ROWS + ray % width;
 }
 
 /* Room for count rays in packets of any width; NULL: out of memory. */
-static uint32_t *embree_packets(size_t count) {
+static uint32_t *embree_packets(size_t count)
+{
     void *out;
     return posix_memalign(&out, 64, (count + 7) * ROWS * sizeof(uint32_t)) == 0 ? out : NULL;
 }
 
-static uint32_t bits_of(float f) {
+static uint32_t bits_of(float f)
+{
     uint32_t bits;
     memcpy(&bits, &f, sizeof bits);
     return bits;
 }
 
-static float float_of(uint32_t bits) {
+static float float_of(uint32_t bits)
+{
     float f;
     memcpy(&f, &bits, sizeof f);
     return f;
 }
 
-static void embree_prepare(const entry *e, const batch *b) {
+static void embree_prepare(const entry *e, const batch *b)
+{
     size_t i, width = (size_t)e->packet;
 
     for (i = 0; i < b->count; i++) {
@@ -250,7 +266,8 @@ static void embree_prepare(const entry *e, const batch *b) {
     }
 }
 
-static void embree_trace(const entry *e, const batch *b, size_t first, size_t last) {
+static void embree_trace(const entry *e, const batch *b, size_t first, size_t last)
+{
     static const int all[8] __attribute__((aligned(32))) = { -1, -1, -1, -1, -1, -1, -1, -1 };
     int tail[8] __attribute__((aligned(32)));
     struct RTCIntersectContext context;
@@ -277,7 +294,8 @@ static void embree_trace(const entry *e, const batch *b, size_t first, size_t la
     }
 }
 
-static void embree_compare(entry *e, const batch *b) {
+static void embree_compare(entry *e, const batch *b)
+{
     size_t i, width = (size_t)e->packet;
 
     e->other_hits = e->other_prims = 0;
@@ -294,7 +312,8 @@ static void embree_compare(entry *e, const batch *b) {
     }
 }
 
-static bool embree_count_bytes(void *user, ssize_t bytes, bool after) {
+static bool embree_count_bytes(void *user, ssize_t bytes, bool after)
+{
     (void)after;
     __atomic_fetch_add((size_t *)user, (size_t)bytes, __ATOMIC_RELAXED);
     return true;
@@ -302,7 +321,8 @@ static bool embree_count_bytes(void *user, ssize_t bytes, bool after) {
 
 /* Embree's scene of geometry: triangles are geometry 0, spheres 1. The vertices are copied, since Embree reads 16 bytes at each. NULL:
    Embree has failed. */
-static RTCScene embree_build(RTCDevice device, const rt_geometry *geometry, enum RTCSceneFlags flags) {
+static RTCScene embree_build(RTCDevice device, const rt_geometry *geometry, enum RTCSceneFlags flags)
+{
     RTCScene out = rtcNewScene(device);
     bool filled = true;
     size_t i;
@@ -362,7 +382,8 @@ typedef struct {
 static bool complain(const char *format, ...) __attribute__((format(printf, 1, 2)));
 
 /* One line on stderr; always false, so that a failing function can return it. */
-static bool complain(const char *format, ...) {
+static bool complain(const char *format, ...)
+{
     va_list list;
     va_start(list, format);
     fputs("bench: ", stderr);
@@ -373,7 +394,8 @@ static bool complain(const char *format, ...) {
 }
 
 /* Is name one of the words of a comma list, or the list "all"? */
-static bool listed(const char *list, const char *name) {
+static bool listed(const char *list, const char *name)
+{
     size_t n = strlen(name);
     const char *word = list;
 
@@ -384,19 +406,22 @@ static bool listed(const char *list, const char *name) {
 }
 
 /* The index of text in names, or -1. */
-static int find_name(const char *const *names, int count, const char *text) {
+static int find_name(const char *const *names, int count, const char *text)
+{
     int i;
     for (i = 0; i < count; i++)
         if (strcmp(names[i], text) == 0) return i;
     return -1;
 }
 
-static bool parse_name(const char *option, const char *value, const char *const *names, int count, int *out) {
+static bool parse_name(const char *option, const char *value, const char *const *names, int count, int *out)
+{
     *out = find_name(names, count, value);
     return *out >= 0 || complain("%s: there is no '%s' (--help lists the names)", option, value);
 }
 
-static bool parse_int(const char *option, const char *value, int least, int most, int *out) {
+static bool parse_int(const char *option, const char *value, int least, int most, int *out)
+{
     char *end;
     long n;
     errno = 0;
@@ -407,7 +432,8 @@ static bool parse_int(const char *option, const char *value, int least, int most
     return true;
 }
 
-static bool parse_floats(const char *option, const char *value, float *out, int count) {
+static bool parse_floats(const char *option, const char *value, float *out, int count)
+{
     const char *at = value;
     int i;
 
@@ -421,14 +447,16 @@ static bool parse_floats(const char *option, const char *value, float *out, int 
     return true;
 }
 
-static bool parse_vec3(const char *option, const char *value, rt_vec3 *out, bool *given) {
+static bool parse_vec3(const char *option, const char *value, rt_vec3 *out, bool *given)
+{
     float f[3];
     if (!parse_floats(option, value, f, 3)) return false;
     *out = vec(f[0], f[1], f[2]);
     return *given = true;
 }
 
-static bool parse_size(const char *option, const char *value, int *width, int *height) {
+static bool parse_size(const char *option, const char *value, int *width, int *height)
+{
     char end;
     if (sscanf(value, "%5dx%5d%c", width, height, &end) == 2 && *width >= 1 && *width <= MAX_IMAGE && *height >= 1 && *height <= MAX_IMAGE)
         return true;
@@ -436,7 +464,8 @@ static bool parse_size(const char *option, const char *value, int *width, int *h
 }
 
 /* Do all words of a comma list name something? word_known tells. */
-static bool check_list(const char *option, const char *list, bool (*word_known)(const char *word)) {
+static bool check_list(const char *option, const char *list, bool (*word_known)(const char *word))
+{
     char word[64];
     size_t n;
 
@@ -448,12 +477,14 @@ static bool check_list(const char *option, const char *list, bool (*word_known)(
     return true;
 }
 
-static bool kind_known(const char *word) {
+static bool kind_known(const char *word)
+{
     return strcmp(word, "all") == 0 || find_name(kind_names, KIND_COUNT, word) >= 0;
 }
 
 /* Algorithms not built yet pass too: rt_trace tells which they are. */
-static bool algorithm_known(const char *word) {
+static bool algorithm_known(const char *word)
+{
     const rt_algorithm_info *info;
     size_t i;
 
@@ -466,7 +497,8 @@ static bool algorithm_known(const char *word) {
     return strcmp(word, "all") == 0;
 }
 
-static bool parse_option(arguments *a, const char *option, const char *value) {
+static bool parse_option(arguments *a, const char *option, const char *value)
+{
     if (strcmp(option, "--scene") == 0) return a->scenes[a->scene_count++] = value, true;
     if (strcmp(option, "--rays") == 0) return a->rays = value, check_list(option, value, kind_known);
     if (strcmp(option, "--algorithm") == 0) return a->algorithms = value, check_list(option, value, algorithm_known);
@@ -490,7 +522,8 @@ static bool parse_option(arguments *a, const char *option, const char *value) {
 }
 
 /* Fills *a; its scenes are to be freed in any case. */
-static bool parse_arguments(arguments *a, int argc, char **argv) {
+static bool parse_arguments(arguments *a, int argc, char **argv)
+{
     static const arguments defaults = { .rays = "all", .algorithms = "all", .structure = RT_STRUCTURE_COUNT,
                                         .width = 512, .height = 512, .threads = 1, .rounds = 5 };
     size_t i;
@@ -516,14 +549,16 @@ static bool parse_arguments(arguments *a, int argc, char **argv) {
     return true;
 }
 
-static void print_names(const char *title, const char *const *names, int count) {
+static void print_names(const char *title, const char *const *names, int count)
+{
     int i;
     printf("%s", title);
     for (i = 0; i < count; i++) printf("%s%s", i ? ", " : "", names[i]);
     printf("\n");
 }
 
-static void print_help(void) {
+static void print_help(void)
+{
     const rt_algorithm_info *info;
     size_t i;
 
@@ -541,7 +576,6 @@ static void print_help(void) {
            "  --repeat N         measured rounds, default 5, after one to warm up\n"
            "  --eye X,Y,Z --look X,Y,Z --up X,Y,Z --fov DEGREES   instead of the scene's camera\n"
            "  --json             one JSON object a line instead of tables\n"
-           "  --gpu              (not built yet)\n\nalgorithms\n");
     for (i = 0; (info = rt_algorithm_get(i)) != NULL; i++)
         printf("  %-21s %s%s\n", info->name, info->what, info->built ? "" : " (not built yet)");
 #ifdef RT_BENCH_EMBREE
@@ -557,7 +591,8 @@ static void print_help(void) {
 
 /* ---- >>measure ------------------------------------------------------------------------------------------------------ */
 
-static double now(void) {
+static double now(void)
+{
     struct timespec t;
     clock_gettime(CLOCK_MONOTONIC, &t);
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
@@ -568,14 +603,16 @@ typedef struct {
     const batch *b;
 } work;
 
-static void trace_chunk(void *context, size_t index) {
+static void trace_chunk(void *context, size_t index)
+{
     const work *w = context;
     size_t first = index * CHUNK, left = w->b->count - first;
     w->e->trace(w->e, w->b, first, first + (left < CHUNK ? left : CHUNK));
 }
 
 /* Seconds that one pass over the rays takes. */
-static double measure(const entry *e, const batch *b, pool *threads) {
+static double measure(const entry *e, const batch *b, pool *threads)
+{
     work w;
     double total = 0, start;
     int passes = 0;
@@ -591,13 +628,15 @@ static double measure(const entry *e, const batch *b, pool *threads) {
     return total / passes;
 }
 
-static int compare_doubles(const void *a, const void *b) {
+static int compare_doubles(const void *a, const void *b)
+{
     double x = *(const double *)a, y = *(const double *)b;
     return (x > y) - (x < y);
 }
 
 /* Times all entries in turns and checks what they find. False: one of ours has found something else than the truth. */
-static bool measure_all(entry *entries, size_t count, const batch *b, pool *threads, int rounds) {
+static bool measure_all(entry *entries, size_t count, const batch *b, pool *threads, int rounds)
+{
     bool same = true;
     size_t i;
     int round;
@@ -621,7 +660,8 @@ static bool measure_all(entry *entries, size_t count, const batch *b, pool *thre
 }
 
 /* Counts one pass of each of our entries; also where an option that is not allowed is found out. */
-static bool count_all(entry *entries, size_t count, const batch *b) {
+static bool count_all(entry *entries, size_t count, const batch *b)
+{
     size_t i;
     for (i = 0; i < count; i++) {
         entry *e = &entries[i];
@@ -638,7 +678,8 @@ static bool count_all(entry *entries, size_t count, const batch *b) {
 
 /* ---- >>output ------------------------------------------------------------------------------------------------------- */
 
-static void print_json_string(const char *text) {
+static void print_json_string(const char *text)
+{
     putchar('"');
     for (; *text; text++) {
         if (*text == '"' || *text == '\\') printf("\\%c", *text);
@@ -649,12 +690,14 @@ static void print_json_string(const char *text) {
 }
 
 /* What is counted, a ray; null for a peer, which does not tell. */
-static void print_json_rate(const char *key, const entry *e, uint64_t sum) {
+static void print_json_rate(const char *key, const entry *e, uint64_t sum)
+{
     if (e->accel) printf("\"%s\":%.4f,", key, (double)sum / (double)e->stats.rays);
     else printf("\"%s\":null,", key);
 }
 
-static void print_json(const entry *e, const batch *b, const char *scene_name, size_t primitives, const arguments *a, int threads) {
+static void print_json(const entry *e, const batch *b, const char *scene_name, size_t primitives, const arguments *a, int threads)
+{
     printf("{\"scene\":");
     print_json_string(scene_name);
     printf(",\"primitives\":%zu,\"structure\":\"%s\",\"algorithm\":\"%s\",\"packet\":%d,\"cull\":\"%s\",\"rays\":\"%s\",\"threads\":%d,",
@@ -666,7 +709,8 @@ static void print_json(const entry *e, const batch *b, const char *scene_name, s
     printf("\"build_s\":%.6f,\"bytes\":%zu}\n", e->build_seconds, e->bytes);
 }
 
-static void print_table(const entry *entries, size_t count, const batch *b) {
+static void print_table(const entry *entries, size_t count, const batch *b)
+{
     const entry *base = NULL;
     size_t i;
 
@@ -709,7 +753,8 @@ typedef struct {
 #endif
 } bench;
 
-static void bench_free(bench *s) {
+static void bench_free(bench *s)
+{
     size_t i;
 #ifdef RT_BENCH_EMBREE
     for (i = 0; i < EMBREE_MODES; i++)
@@ -722,7 +767,8 @@ static void bench_free(bench *s) {
 }
 
 /* The next entry, zeroed; NULL: out of memory. Earlier pointers to entries become stale. */
-static entry *add_entry(bench *s) {
+static entry *add_entry(bench *s)
+{
     if (s->entry_count == s->entry_capacity) {
         size_t capacity = 2 * s->entry_capacity + 8;
         entry *grown = realloc(s->entries, capacity * sizeof *grown);
@@ -733,7 +779,8 @@ static entry *add_entry(bench *s) {
     return memset(&s->entries[s->entry_count++], 0, sizeof *s->entries);
 }
 
-static bool build(bench *s, rt_structure structure, pool *threads) {
+static bool build(bench *s, rt_structure structure, pool *threads)
+{
     rt_build_options options;
     rt_error error;
     double start;
@@ -752,7 +799,8 @@ static bool build(bench *s, rt_structure structure, pool *threads) {
     return true;
 }
 
-static bool add_ours(bench *s, const rt_algorithm_info *info, rt_structure structure, int packet, const arguments *a, pool *threads) {
+static bool add_ours(bench *s, const rt_algorithm_info *info, rt_structure structure, int packet, const arguments *a, pool *threads)
+{
     entry *e;
     rt_info built;
 
@@ -775,7 +823,8 @@ static bool add_ours(bench *s, const rt_algorithm_info *info, rt_structure struc
 }
 
 /* Is there an algorithm of its own for structure? */
-static bool structure_built(rt_structure structure) {
+static bool structure_built(rt_structure structure)
+{
     const rt_algorithm_info *info;
     size_t i;
     for (i = 0; (info = rt_algorithm_get(i)) != NULL; i++)
@@ -784,7 +833,8 @@ static bool structure_built(rt_structure structure) {
 }
 
 /* An entry for each of our algorithms that a asks for, on each structure it runs on, at each packet width. */
-static bool add_all_ours(bench *s, const arguments *a, pool *threads) {
+static bool add_all_ours(bench *s, const arguments *a, pool *threads)
+{
     const rt_algorithm_info *info;
     bool all = strcmp(a->algorithms, "all") == 0;
     size_t i, k;
@@ -810,7 +860,8 @@ static bool add_all_ours(bench *s, const arguments *a, pool *threads) {
 
 #ifdef RT_BENCH_EMBREE
 /* An entry for each mode of Embree that a asks for. */
-static bool add_all_embree(bench *s, const arguments *a, int threads) {
+static bool add_all_embree(bench *s, const arguments *a, int threads)
+{
     char config[32];
     size_t i;
 
@@ -844,7 +895,8 @@ static bool add_all_embree(bench *s, const arguments *a, int threads) {
 }
 #endif
 
-static void aim(rt_camera *camera, const arguments *a) {
+static void aim(rt_camera *camera, const arguments *a)
+{
     if (a->has_eye) camera->eye = a->camera.eye;
     if (a->has_look) camera->look = a->camera.look;
     if (a->has_up) camera->up = a->camera.up;
@@ -852,7 +904,8 @@ static void aim(rt_camera *camera, const arguments *a) {
 }
 
 /* The line above a scene's tables. */
-static void print_scene(const bench *s, const arguments *a, int threads) {
+static void print_scene(const bench *s, const arguments *a, int threads)
+{
     const rt_geometry *geometry = &s->content.geometry;
     size_t primitives = geometry->triangle_count + geometry->sphere_count;
     int i;
@@ -869,7 +922,8 @@ static void print_scene(const bench *s, const arguments *a, int threads) {
 }
 
 /* Measures one kind of rays and prints it. */
-static bool bench_kind(bench *s, ray_kind kind, const rt_accel *accel, const arguments *a, pool *threads) {
+static bool bench_kind(bench *s, ray_kind kind, const rt_accel *accel, const arguments *a, pool *threads)
+{
     const rt_geometry *geometry = &s->content.geometry;
     const rt_vec3 light = s->content.lights[0].position;       /* scene_load always gives one */
     size_t pixels = (size_t)a->width * (size_t)a->height, i;
@@ -903,7 +957,8 @@ static bool bench_kind(bench *s, ray_kind kind, const rt_accel *accel, const arg
 }
 
 /* Builds one scene, then measures every kind of ray in it. *s is to be freed in any case. */
-static bool bench_scene(bench *s, const char *name, const arguments *a, pool *threads) {
+static bool bench_scene(bench *s, const char *name, const arguments *a, pool *threads)
+{
     size_t pixels = (size_t)a->width * (size_t)a->height, i;
     const rt_accel *accel = NULL;
     scene_error error;
@@ -942,7 +997,8 @@ static bool bench_scene(bench *s, const char *name, const arguments *a, pool *th
     return same;
 }
 
-int main(int argc, char **argv) {
+int main(int argc, char **argv)
+{
     arguments a;
     pool *threads = NULL;
     bool ok = parse_arguments(&a, argc, argv);

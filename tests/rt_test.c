@@ -1841,8 +1841,9 @@ static void rtt_test_garbage(void)
 
 static void rtt_ugly_rays(rtt_rays *rays, rtt_random *random)
 {
-    static const float odd[] = { NAN, INFINITY, -INFINITY, 0.0f, -0.0f, 0x1p-149f, -0x1p-149f, 1e-38f, 1e-30f, 9.9999e-19f,
-                                 RT_MIN_DIRECTION, 1e-10f, 1, -1, 1e10f, RT_MAX_DIRECTION, 1.0001e18f, -2e18f, FLT_MAX };
+    static const float odd[] = { NAN, INFINITY, -INFINITY, 0.0f, -0.0f, 0x1p-149f, -0x1p-149f, 1e-38f, 0.99f * RT_MIN_DIRECTION,
+                                 RT_MIN_DIRECTION, 1e-18f, 1e-10f, 1, -1, 1e10f, RT_MAX_COORDINATE, 1.01f * RT_MAX_COORDINATE, -2e18f,
+                                 RT_MAX_DIRECTION, 1.01f * RT_MAX_DIRECTION, FLT_MAX };
     static const float ends[] = { NAN, INFINITY, -INFINITY, 0.0f, -0.0f, -1, 1, 2.5f, 0x1p-149f, FLT_MAX, -FLT_MAX };
 
     for (size_t i = 0; i < RTT_COUNT(odd); i++)
@@ -1860,8 +1861,9 @@ static void rtt_ugly_rays(rtt_rays *rays, rtt_random *random)
             rtt_segment(rays, rtt_mul(zero, -2), zero, 0, INFINITY);
             (&zero.x)[(axis + 1) % 3] = -0.0f;
             rtt_segment(rays, rtt_origin, zero, 0, INFINITY);
-            rtt_segment(rays, org, rtt_mul(dir, 1e-18f), 0, INFINITY);
-            rtt_segment(rays, org, rtt_mul(dir, 1e18f), 0, INFINITY);
+            rtt_segment(rays, org, rtt_mul(dir, RT_MIN_DIRECTION), 0, INFINITY);
+            rtt_segment(rays, org, rtt_mul(dir, 2 * RT_MIN_DIRECTION), 0, INFINITY);
+            rtt_segment(rays, org, rtt_mul(dir, RT_MAX_DIRECTION), 0, INFINITY);
         }
     for (size_t i = 0; i < RTT_COUNT(ends); i++)
         for (size_t j = 0; j < RTT_COUNT(ends); j++) {
