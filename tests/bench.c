@@ -576,6 +576,7 @@ static void print_help(void)
            "  --repeat N         measured rounds, default 5, after one to warm up\n"
            "  --eye X,Y,Z --look X,Y,Z --up X,Y,Z --fov DEGREES   instead of the scene's camera\n"
            "  --json             one JSON object a line instead of tables\n"
+           "\nalgorithms\n");
     for (i = 0; (info = rt_algorithm_get(i)) != NULL; i++)
         printf("  %-21s %s%s\n", info->name, info->what, info->built ? "" : " (not built yet)");
 #ifdef RT_BENCH_EMBREE
@@ -689,10 +690,10 @@ static void print_json_string(const char *text)
     putchar('"');
 }
 
-/* What is counted, a ray; null for a peer, which does not tell. */
+/* What is counted, a ray; null for a peer, which does not tell, and where no ray was legal. */
 static void print_json_rate(const char *key, const entry *e, uint64_t sum)
 {
-    if (e->accel) printf("\"%s\":%.4f,", key, (double)sum / (double)e->stats.rays);
+    if (e->accel && e->stats.rays) printf("\"%s\":%.4f,", key, (double)sum / (double)e->stats.rays);
     else printf("\"%s\":null,", key);
 }
 
@@ -726,7 +727,7 @@ static void print_table(const entry *entries, size_t count, const batch *b)
         if (base) printf(" %12.2f", base->median / e->median);
         else printf(" %12s", "");
         if (e->accel) {
-            double rays = (double)e->stats.rays;
+            double rays = e->stats.rays ? (double)e->stats.rays : 1;
             printf(" %8.2f %8.2f %8.2f  %zu\n", (double)e->stats.nodes / rays, (double)e->stats.boxes / rays, (double)e->stats.prims / rays,
                    e->other_hits);
         } else {
@@ -799,6 +800,21 @@ static bool build(bench *s, rt_structure structure, pool *threads)
     return true;
 }
 
+/* The width that a packet_width of 0 stands for, with the entry's instructions; 0 where no width is allowed: then rt_trace will say why. */
+static int widest(const entry *e)
+{
+    int widths[MAX_WIDTHS];
+    size_t count = rt_packet_widths(e->options.algorithm, widths, MAX_WIDTHS);
+    rt_trace_options options = e->options;
+
+    options.error = NULL;
+    while (count > 0) {
+        options.packet_width = widths[--count];
+        if (rt_trace(e->accel, &options, NULL, 0, NULL) == RT_OK) return options.packet_width;
+    }
+    return 0;
+}
+
 static bool add_ours(bench *s, const rt_algorithm_info *info, rt_structure structure, int packet, const arguments *a, pool *threads)
 {
     entry *e;
@@ -810,11 +826,11 @@ static bool add_ours(bench *s, const rt_algorithm_info *info, rt_structure struc
     rt_get_info(s->accels[structure], &built);
     e->name = info->name;
     e->structure = structure_names[structure];
-    e->packet = e->options.packet_width = packet;
     e->options.algorithm = info->algorithm;
     e->options.cull = (rt_cull)a->cull;
     e->options.isa = (rt_isa)a->isa;
     e->accel = s->accels[structure];
+    e->packet = e->options.packet_width = packet ? packet : widest(e);
     e->build_seconds = s->build_seconds[structure];
     e->bytes = built.bytes;
     e->trace = our_trace;

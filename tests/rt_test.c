@@ -4705,6 +4705,10 @@ int main(int argc, char **argv)
         passed += rtt.failures == 0;
         failed += rtt.failures != 0;
     }
+    if (passed + failed == 0) {
+        printf("no test has a name like that: see --list\n");
+        failed = 1;
+    }
     printf("hits checksum: 0x%016llx over %llu rays in %llu cases\n", (unsigned long long)rtt.checksum, (unsigned long long)rtt.rays,
            (unsigned long long)rtt.cases);
     printf("%d passed, %d failed, 0 skipped\n", passed, failed);
