@@ -66,6 +66,16 @@ check:
 	valgrind -q --error-exitcode=1 --leak-check=full build/valgrind/hello >/dev/null
 	valgrind -q --error-exitcode=1 --leak-check=full build/valgrind/rt_test $(VALGRIND_TESTS)
 
+# libFuzzer where clang has it, FUZZ seconds (default 60); and random inputs with any compiler.
+FUZZ ?= 60
+fuzz: | build
+	$(MAKE) config=asan build/asan/rt_fuzz
+	build/asan/rt_fuzz 5000
+	$(call need,clang,clang)
+	clang -std=gnu99 -g -O1 -fsanitize=fuzzer,address,undefined -DRT_FUZZ_LIBFUZZER tests/rt_fuzz.c -o build/rt_fuzz_lib $(LIBS)
+	@mkdir -p build/corpus
+	build/rt_fuzz_lib -max_total_time=$(FUZZ) -max_len=4096 -artifact_prefix=build/ build/corpus
+
 matrix:
 	$(call need,clang,clang)
 	sh tests/matrix.sh
@@ -80,6 +90,7 @@ help:
 	@echo "make bench      speed table, with Embree where libembree-dev is installed; BENCH='--help' tells the options"
 	@echo "make check      tests under the address, undefined and thread sanitizers and valgrind"
 	@echo "make matrix     compilers x standards x flags x opt-outs: warnings, sizes, equal hits"
+	@echo "make fuzz       FUZZ=60 seconds of fuzzing the loaders, the builder and the traversals"
 	@echo "make clean      remove build/ and out/"
 
-.PHONY: all demo test bench check matrix clean help
+.PHONY: all demo test bench check fuzz matrix clean help

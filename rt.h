@@ -2733,11 +2733,13 @@ RTI_FN void rti_load_rays(const rt_ray *rays, rti_packet *p)
    and at vertices too.
 
    Directions smaller than least count as least: so nothing overflows and no 0 * inf appears. The ray then errs by at most R * least /
-   largest within the box, which is padded too. Near zero errors stop being relative: coordinates and t then err by a few of the smallest
-   normal float (also with flush-to-zero), t times the direction in space. */
+   largest on its way to a hit, and R is slack more for what lies outside its box: in instances, and in spheres too small to widen a box
+   that far away. Twice that is added, since for the shortest rays least is much larger than largest, and then pad is all there is, its own
+   rounding included. Near zero errors stop being relative: coordinates and t then err by a few of the smallest normal float (also with
+   flush-to-zero), t times the direction in space. */
 RTI_FN unsigned rti_prepare(const rt_accel *accel, rti_packet *p, unsigned lanes)
 {
-    rti_v org[3], dir[3], reach = rti_vset(0), far_org = rti_vset(0), largest, least, pad, x_or_y, depth, step;
+    rti_v org[3], dir[3], reach = rti_vset(0), far_org = rti_vset(0), largest, least, slack, pad, x_or_y, depth;
     unsigned legal = lanes & rti_vlt(rti_vload(p->tmin), rti_vload(p->t)), y_over_x, z_over;
     int k;
     for (k = 0; k < 3; k++) {
@@ -2768,22 +2770,22 @@ RTI_FN unsigned rti_prepare(const rt_accel *accel, rti_packet *p, unsigned lanes
     rti_dstore(p->rdepth, rti_ddiv(rti_dset(1), rti_widen(depth)));
 
     least = rti_vmax(rti_vmul(largest, rti_vset(2.98023224e-08f)), rti_vmul(rti_vadd(reach, far_org), rti_vset(1e-37f)));
-    pad = rti_vmul(reach, rti_vset(9.5367431640625e-07f));                                          /* 16 e R */
-    pad = rti_vadd(pad, rti_vmul(reach, rti_vdiv(least, largest)));
+    slack = rti_vmul(rti_vset(accel->spread * 5.9604644775390625e-08f), rti_vadd(far_org, rti_vset(accel->extent)));
+    slack = rti_vadd(slack, rti_vmul(far_org, rti_vset(2.384185791015625e-07f)));                   /* 4 e |org| */
+    pad = rti_vadd(rti_vset(9.5367431640625e-07f), rti_vmul(rti_vset(2), rti_vdiv(least, largest)));        /* 16 e, and the clamp */
+    pad = rti_vadd(rti_vmul(rti_vadd(reach, slack), pad), slack);
     pad = rti_vadd(pad, rti_vmul(rti_vadd(largest, rti_vset(1)), rti_vset(1e-37f)));               /* of the smallest floats */
-    pad = rti_vadd(pad, rti_vmul(rti_vset(accel->spread * 5.9604644775390625e-08f), rti_vadd(far_org, rti_vset(accel->extent))));
     p->uniform = true;
     for (k = 0; k < 3; k++) {
         rti_v rdir = rti_vdiv(rti_vset(1), rti_vsign(rti_vmax(rti_vabs(dir[k]), least), dir[k]));
         unsigned negative = rti_vnegative(dir[k]) & legal;
-        step = rti_vadd(pad, rti_vmul(rti_vabs(org[k]), rti_vset(2.384185791015625e-07f)));         /* 4 e |org| */
         rti_vstore(p->rdir[k], rdir);
 #if RTI_FMA
-        rti_vstore(p->plane[0][k], rti_vmul(rti_vadd(org[k], step), rdir));
-        rti_vstore(p->plane[1][k], rti_vmul(rti_vsub(org[k], step), rdir));
+        rti_vstore(p->plane[0][k], rti_vmul(rti_vadd(org[k], pad), rdir));
+        rti_vstore(p->plane[1][k], rti_vmul(rti_vsub(org[k], pad), rdir));
 #else
-        rti_vstore(p->plane[0][k], rti_vadd(org[k], step));
-        rti_vstore(p->plane[1][k], rti_vsub(org[k], step));
+        rti_vstore(p->plane[0][k], rti_vadd(org[k], pad));
+        rti_vstore(p->plane[1][k], rti_vsub(org[k], pad));
 #endif
         p->side[k] = negative != 0;
         if (negative && negative != legal) p->uniform = false;

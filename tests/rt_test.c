@@ -1350,6 +1350,62 @@ static void rtt_test_sphere_start(void)
     rtt_rays_free(&rays);
 }
 
+/* The shortest rays among the largest coordinates: hits come at times near the end of floats, and spheres are too small to widen a box. */
+static void rtt_test_short_rays(void)
+{
+    static const float found[12][9] = {     /* a ray of 2e-30 met triangle 1 after its box was left, where boxes were fma */
+        { 0x1.328ea4p+48f, 0x1.99bd5p+31f, 0x1.3713bap+45f, 0x1.328ea4p+48f, 0x1.98ce8ap+31f, 0x1.3713c2p+45f,
+          0x1.328ea4p+48f, 0x1.9945ecp+31f, 0x1.3713bcp+45f },
+        { 0x1.328ea4p+48f, 0x1.9945ecp+31f, 0x1.3713bcp+45f, 0x1.328ea4p+48f, 0x1.985726p+31f, 0x1.3713cp+45f,
+          0x1.328ea4p+48f, 0x1.98ce8ap+31f, 0x1.3713c2p+45f },
+        { 0x1.328ea4p+48f, 0x1.98ce8ap+31f, 0x1.3713c2p+45f, 0x1.328ea4p+48f, 0x1.98ce8ap+31f, 0x1.3713bap+45f,
+          0x1.328ea4p+48f, 0x1.98ce8ap+31f, 0x1.3713bap+45f },
+        { 0x1.328ea4p+48f, 0x1.99bd5p+31f, 0x1.3713c2p+45f, 0x1.328ea4p+48f, 0x1.9945ecp+31f, 0x1.3713bcp+45f,
+          0x1.328ea4p+48f, 0x1.985726p+31f, 0x1.3713cp+45f },
+        { 0x1.328ea4p+48f, 0x1.985726p+31f, 0x1.3713cp+45f, 0x1.328ea4p+48f, 0x1.9a34b4p+31f, 0x1.3713cp+45f,
+          0x1.328ea4p+48f, 0x1.9945ecp+31f, 0x1.3713bcp+45f },
+        { 0x1.328ea4p+48f, 0x1.9a34b4p+31f, 0x1.3713cp+45f, 0x1.328ea4p+48f, 0x1.99bd5p+31f, 0x1.3713bap+45f,
+          0x1.328ea4p+48f, 0x1.9a34b4p+31f, 0x1.3713cp+45f },
+        { 0x1.328ea4p+48f, 0x1.9945ecp+31f, 0x1.3713bep+45f, 0x1.328ea4p+48f, 0x1.98ce8ap+31f, 0x1.3713cp+45f,
+          0x1.328ea4p+48f, 0x1.99bd5p+31f, 0x1.3713bap+45f },
+        { 0x1.328ea4p+48f, 0x1.9945ecp+31f, 0x1.3713bcp+45f, 0x1.328ea4p+48f, 0x1.985726p+31f, 0x1.3713cp+45f,
+          0x1.328ea4p+48f, 0x1.9945ecp+31f, 0x1.3713bcp+45f },
+        { 0x1.328ea4p+48f, 0x1.985726p+31f, 0x1.3713cp+45f, 0x1.328ea4p+48f, 0x1.98ce8ap+31f, 0x1.3713c2p+45f,
+          0x1.328ea4p+48f, 0x1.985726p+31f, 0x1.3713cp+45f },
+        { 0x1.328ea4p+48f, 0x1.985726p+31f, 0x1.3713cp+45f, 0x1.328ea4p+48f, 0x1.98ce8ap+31f, 0x1.3713bap+45f,
+          0x1.328ea4p+48f, 0x1.99bd5p+31f, 0x1.3713c2p+45f },
+        { 0x1.328ea4p+48f, 0x1.98ce8ap+31f, 0x1.3713cp+45f, 0x1.328ea4p+48f, 0x1.9a34b4p+31f, 0x1.3713cp+45f,
+          0x1.328ea4p+48f, 0x1.98ce8ap+31f, 0x1.3713cp+45f },
+        { 0x1.328ea4p+48f, 0x1.98ce8ap+31f, 0x1.3713cp+45f, 0x1.328ea4p+48f, 0x1.98ce8ap+31f, 0x1.3713c2p+45f,
+          0x1.328ea4p+48f, 0x1.9945ecp+31f, 0x1.3713bep+45f } };
+    rtt_random random = rtt_stream();
+    rtt_model model = { 0 };
+    rtt_rays rays = { 0 };
+
+    for (size_t i = 0; i < RTT_COUNT(found); i++) {
+        const float *v = found[i];
+
+        rtt_face(&model, rtt_v(v[0], v[1], v[2]), rtt_v(v[3], v[4], v[5]), rtt_v(v[6], v[7], v[8]));
+    }
+    rtt_segment(&rays, rtt_v(0x1.328ebap+48f, 0x1.98e262p+31f, 0x1.3713cp+45f), rtt_v(-0x1.936ddep-99f, -0.0f, 0), 0x1.bebaeep+126f, INFINITY);
+    rtt_segment(&rays, rtt_v(0x1.328ebap+48f, 0x1.98e262p+31f, 0x1.3713cp+45f), rtt_v(-0x1.936ddep-99f, -0.0f, 0), 0, INFINITY);
+    rtt_check("short ray", &model, &rays);
+    rtt_model_free(&model);
+    rtt_rays_free(&rays);
+    for (int i = 0; i < 60; i++) {
+        rt_vec3 center = rtt_v(0x1.b7a5f8p+59f, rtt_log(&random, 20, 58), rtt_log(&random, 20, 58));
+
+        for (int k = 0; k < 10; k++)
+            rtt_ball(&model, center, fabsf(rtt_log(&random, -20, -12)));
+        for (unsigned k = 0; k < 24; k++)
+            rtt_segment(&rays, center, rtt_mul(rtt_axis(k % 6), fabsf(rtt_log(&random, -99, -95))), k % 4 ? -INFINITY : 0, INFINITY);
+        rtt_rays_tighten(&rays, &model, 20);
+        rtt_check("short rays", &model, &rays);
+        rtt_model_free(&model);
+        rtt_rays_free(&rays);
+    }
+}
+
 static void rtt_test_mixed(void)
 {
     rtt_random random = rtt_stream();
@@ -4594,6 +4650,7 @@ static const rtt_test rtt_tests[] = {
     { "hits.spheres", rtt_test_spheres },
     { "hits.sphere-cases", rtt_test_sphere_cases },
     { "hits.sphere-start", rtt_test_sphere_start },
+    { "hits.short-rays", rtt_test_short_rays },
     { "hits.mixed", rtt_test_mixed },
     { "hits.ties", rtt_test_ties },
     { "instances.affine", rtt_test_instances },
