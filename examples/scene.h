@@ -2082,9 +2082,9 @@ SCENE_API void scene_default_lights(const rt_camera *camera, rt_light lights[2])
     lights[0].position = sn_vec3((float)((double)camera->eye.x + distance * (0.25 * (double)camera->up.x / up - 0.3 * right[0] / length)),
                                  (float)((double)camera->eye.y + distance * (0.25 * (double)camera->up.y / up - 0.3 * right[1] / length)),
                                  (float)((double)camera->eye.z + distance * (0.25 * (double)camera->up.z / up - 0.3 * right[2] / length)));
-    lights[0].color = sn_vec3(0.7f, 0.68f, 0.64f);
+    lights[0].color = sn_vec3(0.6f, 0.58f, 0.55f);
     lights[1].position = camera->eye;
-    lights[1].color = sn_vec3(0.3f, 0.31f, 0.33f);
+    lights[1].color = sn_vec3(0.42f, 0.43f, 0.45f);
 }
 
 /* ---- >>public ------------------------------------------------------------------------------------------------------- */
