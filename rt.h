@@ -1844,9 +1844,9 @@ RT_API bool rt_instance_transform(const rt_accel *accel, uint32_t inst, float tr
 typedef struct { uint64_t unused; } rt_stats;
 #endif
 #if RTI_STATS
-#define RTI_TALLY(field, n) do { if (flags & RTI_WALK_COUNT) stats->field += (uint64_t)(n); } while (0)
+#define RTI_TALLY(stats, flags, field, n) do { if ((flags) & RTI_WALK_COUNT) (stats)->field += (uint64_t)(n); } while (0)
 #else
-#define RTI_TALLY(field, n) ((void)0)
+#define RTI_TALLY(stats, flags, field, n) ((void)0)
 #endif
 
 typedef struct {
@@ -3069,10 +3069,10 @@ RTI_FN unsigned rti_walk_body(const rt_accel *accel, rti_packet *p, unsigned liv
             rti_v best = rti_vload(p->t), enter0, enter1;
             unsigned hit0 = rti_hit_box(&s, child, best, &enter0) & live, hit1 = rti_hit_box(&s, child + 1, best, &enter1) & live;
             unsigned both = hit0 & hit1;
-            RTI_TALLY(nodes, rti_bit_count(lanes));
-            RTI_TALLY(boxes, 2 * rti_bit_count(lanes));
-            RTI_TALLY(steps, 1);
-            RTI_TALLY(active, rti_bit_count(lanes));
+            RTI_TALLY(stats, flags, nodes, rti_bit_count(lanes));
+            RTI_TALLY(stats, flags, boxes, 2 * rti_bit_count(lanes));
+            RTI_TALLY(stats, flags, steps, 1);
+            RTI_TALLY(stats, flags, active, rti_bit_count(lanes));
             if (hit0) {                     /* branches, not selects: a predicted child is fetched before its box is known to be hit */
                 if (hit1) {                 /* the first ray in both decides which is near */
                     RT_ASSERT(top < RTI_MAX_DEPTH);
@@ -3090,7 +3090,7 @@ RTI_FN unsigned rti_walk_body(const rt_accel *accel, rti_packet *p, unsigned liv
                         lanes = hit0;
                     }
                     top++;
-                    RTI_TALLY(pushes, 1);
+                    RTI_TALLY(stats, flags, pushes, 1);
                 } else {
                     node = child;
                     lanes = hit0;
@@ -3102,7 +3102,7 @@ RTI_FN unsigned rti_walk_body(const rt_accel *accel, rti_packet *p, unsigned liv
         }
         {
             unsigned hit = 0;
-            RTI_TALLY(prims, rti_leaf_count(node) * (uint32_t)rti_bit_count(lanes));
+            RTI_TALLY(stats, flags, prims, rti_leaf_count(node) * (uint32_t)rti_bit_count(lanes));
             if (!(flags & RTI_WALK_ALL) || rti_leaf_kind(node) == RTI_TRIANGLE) hit = rti_hit_triangles(accel, p, lanes, node, inst, flags);
 #if RTI_SPHERES
             else if (rti_leaf_kind(node) == RTI_SPHERE) hit = rti_hit_spheres(accel, p, lanes, node, inst, flags);
