@@ -1,6 +1,5 @@
 # rt.h: programs, tests and checks. `make help` lists the targets.
 
-CC     ?= cc
 config ?= release
 WARN    = -Wall -Wextra -Wpedantic -Wconversion -Wshadow -Wdouble-promotion -Werror
 LIBS    = -lm -lpthread
@@ -59,6 +58,7 @@ check:
 	$(call need,valgrind,valgrind)
 	$(MAKE) config=asan build/asan/rt_test build/asan/render
 	build/asan/rt_test
+	build/asan/render rings:2 -o build/asan/rings.ppm --size 160x120
 	$(MAKE) config=tsan build/tsan/rt_test build/tsan/render
 	build/tsan/rt_test $(THREAD_TESTS)
 	build/tsan/render balls:2 -o build/tsan/balls.ppm --size 160x120 --threads 4

@@ -423,6 +423,11 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #else
 #define RTI_STATS 1
 #endif
+#if defined(_MSC_VER) && !defined(__clang__)
+#define RTI_MSVC 1
+#else
+#define RTI_MSVC 0
+#endif
 #ifdef RT_NO_PACKETS
 #define RTI_PACKETS 0
 #else
@@ -480,7 +485,7 @@ RTI_INLINE double rti_round(double x) { RTI_ROUND(x); return x; }
 #define RTI_TARGET_AVX2
 #endif
 
-#if !defined(_MSC_VER) || defined(__clang__)
+#if !RTI_MSVC
 static bool rti_has_avx2(void) { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }
 #else
 static bool rti_ask_avx2(void)
@@ -1902,7 +1907,7 @@ RTI_INLINE int rti_lowest_bit(unsigned bits)
 #define RTI_TARGET
 #include RT_SELF
 
-#if RTI_X86 && !(defined(_MSC_VER) && !defined(__clang__))
+#if RTI_X86 && !RTI_MSVC
 #define RTI_WIDTH 1                         /* 1 ray, where the processor has AVX2 and FMA; fmaf of MSVC is a call */
 #define RTI_LANES RTI_LANES_FLOAT
 #define RTI_SUFFIX _1_avx2
@@ -1961,7 +1966,7 @@ static rti_batch_function rti_batch_of(rt_algorithm algorithm, int width, rt_isa
 {
     bool single = algorithm == RT_AUTO || algorithm == RT_BVH_STACK, packet = rti_algorithms[algorithm].packets;
     if (isa == RT_ISA_AUTO) isa = rt_best_isa();
-#if RTI_X86 && !(defined(_MSC_VER) && !defined(__clang__))
+#if RTI_X86 && !RTI_MSVC
     if (single && width == 1 && isa == RT_ISA_AVX2) return rti_batch_1_avx2;
 #endif
     if (single && width == 1) return rti_batch_1;
@@ -2050,8 +2055,7 @@ static rt_status rti_choose(const rt_trace_options *opt, size_t count, rti_batch
         size_t used = 0;
         for (i = 0; i < n; i++) used += (size_t)snprintf(list + used, sizeof list - used, i ? ", %d" : "%d", widths[i]);
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s takes packet_width 0 (default) or one of: %s; not %d",
-                        info->name, list,
-                        opt->packet_width);
+                        info->name, list, opt->packet_width);
     }
     return RT_OK;
 }
@@ -2268,8 +2272,7 @@ static void rti_subpixel(int i, int n, float *x, float *y)
 
 /* One sample of every pixel of a block, added to sums. Rays stand in Morton order, so that those which follow each other are neighbours. */
 static void rti_render_block(const rt_scene *scene, const rt_render_options *opt, rti_batch_function batch, const rti_view *view,
-                             const int box[4],
-                             int sample, int spp, rt_vec3 *sums, rt_ray_counts *counts)
+                             const int box[4], int sample, int spp, rt_vec3 *sums, rt_ray_counts *counts)
 {
     rt_ray rays[RTI_BLOCK_RAYS];
     rt_hit hits[RTI_BLOCK_RAYS];
@@ -2320,9 +2323,13 @@ static void rti_render_block(const rt_scene *scene, const rt_render_options *opt
         if (counts) counts->shadow += m;
         for (i = 0; i < m; i++) {
             const rti_surface *s = &surfaces[lit[i]];
-            rt_vec3 to = rti_normalize(shadow[i].dir), back = rti_normalize(rti_scale(rays[lit[i]].dir, -1)), color;
-            float cosine = rti_dot(s->normal, to), highlight;
-            if (hits[i].prim != RT_NONE || !(cosine > 0)) continue;
+            rt_vec3 to, back, color;
+            float cosine, highlight;
+            if (hits[i].prim != RT_NONE) continue;
+            to = rti_normalize(shadow[i].dir);
+            cosine = rti_dot(s->normal, to);
+            if (!(cosine > 0)) continue;
+            back = rti_normalize(rti_scale(rays[lit[i]].dir, -1));
             highlight = rti_dot(rti_sub(rti_scale(s->normal, 2 * cosine), to), back);          /* mirrored light against view */
             color = rti_scale(rti_mul(s->material->diffuse, s->color), cosine);
             if (highlight > 0) color = rti_add(color, rti_scale(s->material->specular, powf(highlight, s->material->shininess)));
@@ -2357,9 +2364,8 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
         return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "a picture of %d x %d: each must lie between 1 and %d", opt->width,
                         opt->height, RTI_MAX_SIDE);
     if (x0 < 0 || y0 < 0 || x0 > x1 || y0 > y1 || x1 > opt->width || y1 > opt->height)
-        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "the tile (%d, %d) to (%d, %d) leaves the picture of %d x %d", x0,
-                        y0, x1, y1,
-                        opt->width, opt->height);
+        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "the tile (%d, %d) to (%d, %d) leaves the picture of %d x %d",
+                        x0, y0, x1, y1, opt->width, opt->height);
     if (opt->spp < 0 || opt->spp > RTI_MAX_SPP)
         return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "spp is %d: it must lie between 0 (as 1) and %d", opt->spp,
                         RTI_MAX_SPP);
@@ -2880,7 +2886,7 @@ RTI_FN unsigned rti_hit_triangles(const rt_accel *accel, rti_packet *p, unsigned
     int kz;
     for (kz = p->first_axis; kz <= p->last_axis; kz++) {
         const int kx = kz == 2 ? 0 : kz + 1, ky = kx == 2 ? 0 : kx + 1;
-        const unsigned live = lanes & p->axis[kz];
+        unsigned live = lanes & p->axis[kz];
         rti_v ox, oy, oz, sx, sy;
         uint32_t i;
         if (!live) continue;
@@ -2889,7 +2895,7 @@ RTI_FN unsigned rti_hit_triangles(const rt_accel *accel, rti_packet *p, unsigned
         oz = rti_vload(p->org[kz]);
         sx = rti_vload(p->shear[0]);
         sy = rti_vload(p->shear[1]);
-        for (i = first; i < last; i++) {
+        for (i = first; i < last && live; i++) {
             float gathered[9];
             const float *a = gathered;
             uint32_t prim;
@@ -2928,9 +2934,8 @@ RTI_FN unsigned rti_hit_triangles(const rt_accel *accel, rti_packet *p, unsigned
                     td = rti_dadd(td, rti_product(wd, rti_dsub(rti_dset((double)a[6 + kz]), depth)));
                     rdet = rti_ddiv(rti_dset(1), det);
                     found |= hit = rti_accept(p, hit, rti_narrow(rti_dmul(rti_dmul(td, rdet), rti_dload(p->rdepth))),
-                                              rti_narrow(rti_dmul(vd, rdet)),
-                                              rti_narrow(rti_dmul(wd, rdet)), prim, inst, flags);
-                    if (flags & RTI_WALK_ANY && !(lanes &= ~hit)) return found;
+                                              rti_narrow(rti_dmul(vd, rdet)), rti_narrow(rti_dmul(wd, rdet)), prim, inst, flags);
+                    if (flags & RTI_WALK_ANY) live &= ~hit;
                 }
             }
         }

@@ -577,7 +577,7 @@ static bool render(options *o)
     done = true;
 cleanup:
     rt_free(accel);
-    if (workers) pool_destroy(workers);
+    pool_destroy(workers);
     free(f.pixels);
     scene_free(&loaded);
     return done;
