@@ -115,6 +115,7 @@
 #define RT_MAX_DIRECTION  1e30f
 #define RT_MAX_NESTING    8                 /* levels of instances below the accel that is traced */
 #define RT_MAX_PRIMITIVES 0x10000000u       /* triangles, spheres and instances of one accel together */
+#define RT_MAX_SHORT_STACK 32               /* entries of RT_KD_SHORTSTACK */
 
 typedef struct { float x, y, z; } rt_vec3;
 typedef struct { rt_vec3 org; float tmin; rt_vec3 dir; float tmax; } rt_ray;    /* 32 bytes */
@@ -187,6 +188,12 @@ typedef struct {
     bool reference;                         /* read vertices, indices and spheres from the caller's arrays, which must then
                                                stay as they are until rt_free: 36 bytes a triangle less, slower leaves */
     bool skip_invalid;                      /* leave bad primitives out and count them (rt_info.skipped) instead of failing */
+    float traversal_cost;                   /* of a node, in primitive tests; 0 = 1.2 for RT_BVH, 1 for RT_KDTREE ([Horn] 4) */
+    float empty_bonus;                      /* RT_KDTREE: the part of its cost that a split which cuts off empty space is let off, up to 1;
+                                               0 = 0.2, negative: none */
+    float max_duplication;                  /* RT_KDTREE: leaves refer to a primitive at most so many times on average, >= 1; 0 = 4.
+                                               Where the limit is reached leaves just get fuller */
+    bool no_backtrack;                      /* RT_KDTREE: leave out the parent links and boxes that only RT_KD_BACKTRACK reads */
     rt_parallel_for parallel_for;           /* NULL: build on this thread. The tree is the same, bit for bit */
     void *parallel_user;
     void *memory_user;                      /* given to RT_MALLOC and RT_FREE */
@@ -211,6 +218,8 @@ typedef struct {
     size_t triangles, spheres, instances;   /* as given; including skipped ones */
     size_t skipped;                         /* primitives left out by skip_invalid */
     size_t nodes, leaves, max_leaf;         /* tree nodes in all, leaves among them, primitives in the fullest leaf */
+    size_t empty_leaves;                    /* of a k-d tree */
+    size_t references;                      /* primitives in all leaves together: k-d trees count one once a leaf */
     int depth;                              /* edges from the root to the deepest leaf */
     int nesting;                            /* levels of instances below this accel */
     size_t bytes;                           /* held by this accel (not by accels it instances) */
@@ -281,6 +290,7 @@ RT_API size_t rt_packet_widths(rt_algorithm algorithm, int *widths, size_t max);
 typedef struct {
     uint64_t rays;                          /* legal rays traced */
     uint64_t nodes;                         /* inner nodes visited */
+    uint64_t leaves;                        /* leaves visited */
     uint64_t boxes;                         /* ray-box tests */
     uint64_t prims;                         /* ray-primitive tests */
     uint64_t restarts;                      /* k-d tree restarts */
@@ -295,6 +305,7 @@ typedef struct {
     int packet_width;                       /* 0 = the widest; else one of rt_packet_widths: 1 = single rays, 2 = 2x2, 8 = 8 rays */
     rt_cull cull;
     rt_query query;                         /* RT_CLOSEST */
+    int short_stack;                        /* RT_KD_SHORTSTACK: entries, 1 to RT_MAX_SHORT_STACK; 0 = 3, as in [Horn] */
     const float *times;                     /* one a ray in [0,1], for moving instances; NULL = 0. No instance moves yet */
     rt_isa isa;
 #ifndef RT_NO_STATS
@@ -621,6 +632,7 @@ typedef char rti_check_node[sizeof(rti_node) == 32 ? 1 : -1];
 typedef char rti_check_triangle[sizeof(rti_triangle) == 40 ? 1 : -1];
 
 struct rt_accel {
+    rt_structure structure;
     rti_node *nodes;                        /* node_count of them, the root first; none when empty */
     rti_triangle *triangles;                /* in leaf order; or, with opt->reference: */
     uint32_t *triangle_ids;
@@ -1635,6 +1647,7 @@ RT_API rt_status rt_build(rt_accel **out, const rt_geometry *geo, const rt_build
     accel = (rt_accel *)rti_alloc(1, sizeof *accel, opt->memory_user);
     if (!accel) return rti_fail(opt->error, RT_ERROR_MEMORY, RT_NONE, "out of memory");
     memset(accel, 0, sizeof *accel);
+    accel->structure = opt->structure;
     accel->memory_user = opt->memory_user;
     accel->bytes = sizeof *accel;
     accel->geo = *geo;
@@ -1760,7 +1773,7 @@ RT_API void rt_get_info(const rt_accel *accel, rt_info *info)
     double area = 0;
     size_t i;
     memset(info, 0, sizeof *info);
-    info->structure = RT_BVH;
+    info->structure = accel->structure;
     info->triangles = accel->geo.triangle_count;
     info->spheres = rti_sphere_count(&accel->geo);
     info->instances = rti_instance_count(&accel->geo);
@@ -1854,9 +1867,12 @@ typedef struct { uint64_t unused; } rt_stats;
 #define RTI_TALLY(stats, flags, field, n) ((void)0)
 #endif
 
+/* One call of rt_trace, resolved. */
 typedef struct {
     rt_query query;
-    rt_stats *stats;
+    rt_stats *stats;                        /* NULL: nothing is counted */
+    rt_algorithm algorithm;                 /* of RT_KDTREE: how its trees are walked */
+    int entries;                            /* of the short stack */
 } rti_job;
 
 typedef void (*rti_batch_function)(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits);
@@ -2007,22 +2023,22 @@ RT_API const char *rt_status_string(rt_status status)
 
 RT_API bool rt_intersect(const rt_accel *accel, const rt_ray *ray, rt_hit *hit)
 {
-    static const rti_job job = { RT_CLOSEST, NULL };
+    static const rti_job job = { RT_CLOSEST, NULL, RT_KD_STACK, 0 };
     rti_batch_of(RT_BVH_STACK, 1, RT_ISA_AUTO)(accel, &job, ray, 1, hit);
     return hit->prim != RT_NONE;
 }
 
 RT_API bool rt_occluded(const rt_accel *accel, const rt_ray *ray)
 {
-    static const rti_job job = { RT_ANY, NULL };
+    static const rti_job job = { RT_ANY, NULL, RT_KD_STACK, 0 };
     rt_hit hit;
     rti_batch_of(RT_BVH_STACK, 1, RT_ISA_AUTO)(accel, &job, ray, 1, &hit);
     return hit.prim != RT_NONE;
 }
 
-/* Resolves and checks everything of opt once: the batch function, or an error. RT_AUTO takes the widest packets, which measure
+/* Resolves and checks everything of opt once: the batch function and its job, or an error. RT_AUTO takes the widest packets, which measure
    faster than single rays even on diffuse bounces, and single rays where there are too few for a packet. */
-static rt_status rti_choose(const rt_trace_options *opt, size_t count, rti_batch_function *batch)
+static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, size_t count, rti_batch_function *batch, rti_job *job)
 {
     static const char *const isas[] = { RT_ISA_LIST(RTI_NAME) };
     const rt_algorithm_info *info;
@@ -2041,6 +2057,18 @@ static rt_status rti_choose(const rt_trace_options *opt, size_t count, rti_batch
     if (!info->built)
         return rti_fail(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "algorithm %s (structure %s) is not built", info->name,
                         rti_structure_names[info->structure]);
+    if (info->structure != RT_STRUCTURE_COUNT && info->structure != accel->structure) {
+        char list[128] = "";
+        size_t used = 0;
+        for (i = 0; i < RT_ALGORITHM_COUNT; i++)
+            if (rti_algorithms[i].built && (rti_algorithms[i].structure == accel->structure || i == RT_AUTO))
+                used += (size_t)snprintf(list + used, sizeof list - used, used ? ", %s" : "%s", rti_algorithms[i].name);
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s is for a %s; this accel is a %s and takes: %s", info->name,
+                        rti_structure_names[info->structure], rti_structure_names[accel->structure], list);
+    }
+    if (opt->short_stack < 0 || opt->short_stack > RT_MAX_SHORT_STACK)
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "short_stack is %d: it must be 0 (as 3) or between 1 and %d entries",
+                        opt->short_stack, RT_MAX_SHORT_STACK);
     if (opt->cull != RT_CULL_NONE)
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s has no frustum to cull with: cull must be none", info->name);
     has_isa = RTI_X86 ? opt->isa != RT_ISA_SCALAR && (opt->isa != RT_ISA_AVX2 || rt_best_isa() == RT_ISA_AVX2)
@@ -2057,17 +2085,15 @@ static rt_status rti_choose(const rt_trace_options *opt, size_t count, rti_batch
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s takes packet_width 0 (default) or one of: %s; not %d",
                         info->name, list, opt->packet_width);
     }
-    return RT_OK;
-}
-
-static rt_stats *rti_stats_of(const rt_trace_options *opt)
-{
+    job->query = opt->query;
 #if RTI_STATS
-    return opt->stats;
+    job->stats = opt->stats;
 #else
-    (void)opt;
-    return NULL;
+    job->stats = NULL;
 #endif
+    job->algorithm = info->structure == RT_KDTREE ? opt->algorithm : RT_KD_STACK;
+    job->entries = job->algorithm != RT_KD_SHORTSTACK ? 0 : opt->short_stack ? opt->short_stack : 3;
+    return RT_OK;
 }
 
 RT_API rt_status rt_trace(const rt_accel *accel, const rt_trace_options *opt, const rt_ray *rays, size_t count, rt_hit *hits)
@@ -2082,9 +2108,7 @@ RT_API rt_status rt_trace(const rt_accel *accel, const rt_trace_options *opt, co
     }
     if (!accel) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "accel is NULL");
     if (count && (!rays || !hits)) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", rays ? "hits" : "rays");
-    if ((status = rti_choose(opt, count, &batch)) != RT_OK) return status;
-    job.query = opt->query;
-    job.stats = rti_stats_of(opt);
+    if ((status = rti_choose(accel, opt, count, &batch, &job)) != RT_OK) return status;
     batch(accel, &job, rays, count, hits);
     return RT_OK;
 }
@@ -2271,14 +2295,13 @@ static void rti_subpixel(int i, int n, float *x, float *y)
 }
 
 /* One sample of every pixel of a block, added to sums. Rays stand in Morton order, so that those which follow each other are neighbours. */
-static void rti_render_block(const rt_scene *scene, const rt_render_options *opt, rti_batch_function batch, const rti_view *view,
-                             const int box[4], int sample, int spp, rt_vec3 *sums, rt_ray_counts *counts)
+static void rti_render_block(const rt_scene *scene, rti_batch_function batch, rti_job job, const rti_view *view, const int box[4],
+                             int sample, int spp, rt_vec3 *sums, rt_ray_counts *counts)
 {
     rt_ray rays[RTI_BLOCK_RAYS];
     rt_hit hits[RTI_BLOCK_RAYS];
     rti_surface surfaces[RTI_BLOCK_RAYS];
     unsigned short pixel[RTI_BLOCK_RAYS], lit[RTI_BLOCK_RAYS];
-    rti_job job;
     size_t n = 0, m, i, light, seen = 0;
     float dx, dy;
     unsigned code;
@@ -2291,7 +2314,6 @@ static void rti_render_block(const rt_scene *scene, const rt_render_options *opt
         rays[n++] = rti_view_ray(view, (float)(box[0] + (int)x) + dx, (float)(box[1] + (int)y) + dy);
     }
     job.query = RT_CLOSEST;
-    job.stats = rti_stats_of(&opt->trace);
     batch(scene->accel, &job, rays, n, hits);
     if (counts) counts->primary += n;
     for (i = 0; i < n; i++) {
@@ -2354,6 +2376,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
                                 rt_ray_counts *rays)
 {
     rti_batch_function batch;
+    rti_job job;
     rti_view view;
     rt_status status;
     int box[4], spp, sample, x, y;
@@ -2372,7 +2395,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
     if (!(scene->camera.fov > 0 && scene->camera.fov < 180))
         return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "the camera's fov must lie between 0 and 180 degrees");
     if ((status = rti_check_scene(scene, opt)) != RT_OK) return status;
-    if ((status = rti_choose(&opt->trace, RTI_BLOCK_RAYS, &batch)) != RT_OK) return status;
+    if ((status = rti_choose(scene->accel, &opt->trace, RTI_BLOCK_RAYS, &batch, &job)) != RT_OK) return status;
     view = rti_make_view(&scene->camera, opt->width, opt->height);
     for (box[1] = y0; box[1] < y1; box[1] += RTI_BLOCK)
         for (box[0] = x0; box[0] < x1; box[0] += RTI_BLOCK) {
@@ -2380,7 +2403,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
             memset(sums, 0, sizeof sums);
             box[2] = x1 < box[0] + RTI_BLOCK ? x1 : box[0] + RTI_BLOCK;
             box[3] = y1 < box[1] + RTI_BLOCK ? y1 : box[1] + RTI_BLOCK;
-            for (sample = 0; sample < spp; sample++) rti_render_block(scene, opt, batch, &view, box, sample, spp, sums, rays);
+            for (sample = 0; sample < spp; sample++) rti_render_block(scene, batch, job, &view, box, sample, spp, sums, rays);
             for (y = box[1]; y < box[3]; y++)
                 for (x = box[0]; x < box[2]; x++)
                     pixels[(size_t)y * (size_t)opt->width + (size_t)x] =
@@ -2449,6 +2472,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_hit_triangles RTI_NAME_(rti_hit_triangles)
 #define rti_hit_spheres RTI_NAME_(rti_hit_spheres)
 #define rti_hit_instances RTI_NAME_(rti_hit_instances)
+#define rti_hit_leaf RTI_NAME_(rti_hit_leaf)
 #define rti_walk_body RTI_NAME_(rti_walk_body)
 #define rti_walk RTI_NAME_(rti_walk)
 #define rti_walk_closest RTI_NAME_(rti_walk_closest)
@@ -2879,9 +2903,10 @@ RTI_FN rti_d rti_edge_exact(rti_v ax, rti_v ay, rti_v bx, rti_v by)
    a 2D point that depends on ray and vertex alone, so triangles which share it agree about it to the last bit: nothing slips through.
    Float edge functions throw out most triangles; zeros, which may be wrong, count as inside. What is left is decided again, and its t, u,
    v computed, in double: exact signs, and weights that are good even for slivers and triangles seen edge-on. */
-RTI_FN unsigned rti_hit_triangles(const rt_accel *accel, rti_packet *p, unsigned lanes, const rti_node *leaf, uint32_t inst, int flags)
+RTI_FN unsigned rti_hit_triangles(const rt_accel *accel, rti_packet *p, unsigned lanes, uint32_t first, uint32_t count, uint32_t inst,
+                                  int flags)
 {
-    const uint32_t first = leaf->index, last = first + rti_leaf_count(leaf);
+    const uint32_t last = first + count;
     unsigned found = 0;
     int kz;
     for (kz = p->first_axis; kz <= p->last_axis; kz++) {
@@ -2954,20 +2979,20 @@ RTI_FN rti_d rti_dot_exact(const rti_d a[3], const rti_d b[3])
    least 2^-54 r^2: then root is large enough to keep c / q good to 2^-24 r, which the padding of the boxes covers. Where disc is 0 both
    roots are k; c / q would be noise over noise for a tangent that starts on the sphere.
    Not inlined, like instances: the two in every walk were a fifth of the code, and no faster. */
-RTI_NOINLINE RTI_TARGET unsigned rti_hit_spheres(const rt_accel *accel, rti_packet *p, unsigned lanes, const rti_node *leaf,
+RTI_NOINLINE RTI_TARGET unsigned rti_hit_spheres(const rt_accel *accel, rti_packet *p, unsigned lanes, uint32_t first, uint32_t count,
                                                  uint32_t inst, int flags)
 {
     unsigned found = 0;
     uint32_t i;
-    for (i = 0; i < rti_leaf_count(leaf); i++) {
+    for (i = first; i < first + count; i++) {
         rti_ball ball, *b = &ball;
         rti_d to[3], dir[3], off[3], a, half, k, disc, root, c, q, at;
         rti_v tn, tf;
         unsigned hit, ahead, crosses;
         int axis;
-        if (accel->balls) b = &accel->balls[leaf->index + i];
+        if (accel->balls) b = &accel->balls[i];
         else {
-            ball.prim = accel->ball_ids[leaf->index + i];
+            ball.prim = accel->ball_ids[i];
             rti_fill_ball(&ball, &accel->geo);
         }
         for (axis = 0; axis < 3; axis++) {
@@ -2999,16 +3024,16 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_spheres(const rt_accel *accel, rti_pack
 #endif
 
 #if RTI_INSTANCES
-RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, int flags, rt_stats *stats);
+RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job);
 
 /* The rays go on in object space as a packet of their own; t means the same there. */
-RTI_NOINLINE RTI_TARGET unsigned rti_hit_instances(const rt_accel *accel, rti_packet *p, unsigned lanes, const rti_node *leaf,
-                                                   uint32_t inst, int flags, rt_stats *stats)
+RTI_NOINLINE RTI_TARGET unsigned rti_hit_instances(const rt_accel *accel, rti_packet *p, unsigned lanes, uint32_t first, uint32_t count,
+                                                   uint32_t inst, const rti_job *job)
 {
     unsigned found = 0;
     uint32_t n;
-    for (n = 0; n < rti_leaf_count(leaf); n++) {
-        const rti_instance *in = &accel->instances[leaf->index + n];
+    for (n = first; n < first + count; n++) {
+        const rti_instance *in = &accel->instances[n];
         rti_packet inner;
         unsigned legal, hit;
         int i, k;
@@ -3032,9 +3057,9 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_instances(const rt_accel *accel, rti_pa
         inner.inst = p->inst;
         legal = rti_prepare(in->accel, &inner, lanes);
         if (!legal) continue;
-        hit = rti_walk(in->accel, &inner, legal, inst + 1 + in->base, flags, stats);
+        hit = rti_walk(in->accel, &inner, legal, inst + 1 + in->base, job);
         found |= hit;
-        if (flags & RTI_WALK_ANY) {
+        if (job->query == RT_ANY) {
             if (!(lanes &= ~hit)) break;
         } else
             for (i = 0; i < RTI_WIDTH; i++)
@@ -3052,9 +3077,28 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_instances(const rt_accel *accel, rti_pa
 
 /* ---- >>traverse ----------------------------------------------------------------------------------------------------- */
 
+/* The primitives of a leaf: kind and their number are packed in count. */
+RTI_FN unsigned rti_hit_leaf(const rt_accel *accel, rti_packet *p, unsigned lanes, uint32_t first, uint32_t count, uint32_t inst,
+                             const int flags, const rti_job *job)
+{
+    const uint32_t kind = count >> RTI_KIND_SHIFT, n = count & RTI_COUNT_MASK;
+    (void)job;
+    (void)kind;
+    RTI_TALLY(job->stats, flags, prims, n * (uint32_t)rti_bit_count(lanes));
+    if (!(flags & RTI_WALK_ALL) || kind == RTI_TRIANGLE) return rti_hit_triangles(accel, p, lanes, first, n, inst, flags);
+#if RTI_SPHERES
+    if (kind == RTI_SPHERE) return rti_hit_spheres(accel, p, lanes, first, n, inst, flags);
+#endif
+#if RTI_INSTANCES
+    return rti_hit_instances(accel, p, lanes, first, n, inst, job);
+#else
+    return 0;
+#endif
+}
+
 /* Depth first, near child first, the far child on a stack with where each ray enters it. Answers the lanes that hit something.
    A box entered at just the t of the best hit is still visited: what is in it may have a lower id. */
-RTI_FN unsigned rti_walk_body(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const int flags, rt_stats *stats)
+RTI_FN unsigned rti_walk_body(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const int flags, const rti_job *job)
 {
     struct { const rti_node *node; rti_v enter; } stack[RTI_MAX_DEPTH];
     unsigned stack_lanes[RTI_MAX_DEPTH];
@@ -3062,7 +3106,7 @@ RTI_FN unsigned rti_walk_body(const rt_accel *accel, rti_packet *p, unsigned liv
     rti_slabs s;
     unsigned found = 0, lanes = live;
     int top = 0;
-    (void)stats;
+    (void)job;
     s.uniform = RTI_WIDTH == 1 || p->uniform;
     s.tmin = rti_vload(p->tmin);
     s.x = rti_make_slab(p, 0, s.uniform);
@@ -3074,10 +3118,10 @@ RTI_FN unsigned rti_walk_body(const rt_accel *accel, rti_packet *p, unsigned liv
             rti_v best = rti_vload(p->t), enter0, enter1;
             unsigned hit0 = rti_hit_box(&s, child, best, &enter0) & live, hit1 = rti_hit_box(&s, child + 1, best, &enter1) & live;
             unsigned both = hit0 & hit1;
-            RTI_TALLY(stats, flags, nodes, rti_bit_count(lanes));
-            RTI_TALLY(stats, flags, boxes, 2 * rti_bit_count(lanes));
-            RTI_TALLY(stats, flags, steps, 1);
-            RTI_TALLY(stats, flags, active, rti_bit_count(lanes));
+            RTI_TALLY(job->stats, flags, nodes, rti_bit_count(lanes));
+            RTI_TALLY(job->stats, flags, boxes, 2 * rti_bit_count(lanes));
+            RTI_TALLY(job->stats, flags, steps, 1);
+            RTI_TALLY(job->stats, flags, active, rti_bit_count(lanes));
             if (hit0) {                     /* branches, not selects: a predicted child is fetched before its box is known to be hit */
                 if (hit1) {                 /* the first ray in both decides which is near */
                     RT_ASSERT(top < RTI_MAX_DEPTH);
@@ -3095,7 +3139,7 @@ RTI_FN unsigned rti_walk_body(const rt_accel *accel, rti_packet *p, unsigned liv
                         lanes = hit0;
                     }
                     top++;
-                    RTI_TALLY(stats, flags, pushes, 1);
+                    RTI_TALLY(job->stats, flags, pushes, 1);
                 } else {
                     node = child;
                     lanes = hit0;
@@ -3106,15 +3150,8 @@ RTI_FN unsigned rti_walk_body(const rt_accel *accel, rti_packet *p, unsigned liv
             } else goto pop;
         }
         {
-            unsigned hit = 0;
-            RTI_TALLY(stats, flags, prims, rti_leaf_count(node) * (uint32_t)rti_bit_count(lanes));
-            if (!(flags & RTI_WALK_ALL) || rti_leaf_kind(node) == RTI_TRIANGLE) hit = rti_hit_triangles(accel, p, lanes, node, inst, flags);
-#if RTI_SPHERES
-            else if (rti_leaf_kind(node) == RTI_SPHERE) hit = rti_hit_spheres(accel, p, lanes, node, inst, flags);
-#endif
-#if RTI_INSTANCES
-            else hit = rti_hit_instances(accel, p, lanes, node, inst, flags, stats);
-#endif
+            const unsigned hit = rti_hit_leaf(accel, p, lanes, node->index, node->count, inst, flags, job);
+            RTI_TALLY(job->stats, flags, leaves, rti_bit_count(lanes));
             found |= hit;
             if (flags & RTI_WALK_ANY && !(live &= ~hit)) return found;
         }
@@ -3130,9 +3167,9 @@ pop:
 }
 
 #define RTI_WALK(name, constants)                                                                                              \
-    RTI_NOINLINE RTI_TARGET unsigned name(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, rt_stats *stats) \
+    RTI_NOINLINE RTI_TARGET unsigned name(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job) \
     {                                                                                                                          \
-        return rti_walk_body(accel, p, live, inst, constants, stats);                                                          \
+        return rti_walk_body(accel, p, live, inst, constants, job);                                                          \
     }
 RTI_WALK(rti_walk_closest, 0)
 RTI_WALK(rti_walk_any, RTI_WALK_ANY)
@@ -3147,18 +3184,18 @@ RTI_WALK(rti_walk_any_count, RTI_WALK_COUNT | RTI_WALK_ALL | RTI_WALK_ANY)
 #undef RTI_WALK
 
 /* Leaves out what this accel does not have. */
-RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, int flags, rt_stats *stats)
+RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
 {
-    const bool any = flags & RTI_WALK_ANY;
+    const bool any = job->query == RT_ANY;
     if (!accel->node_count || !live) return 0;
 #if RTI_STATS
-    if (stats) return any ? rti_walk_any_count(accel, p, live, inst, stats) : rti_walk_closest_count(accel, p, live, inst, stats);
+    if (job->stats) return any ? rti_walk_any_count(accel, p, live, inst, job) : rti_walk_closest_count(accel, p, live, inst, job);
 #endif
 #if RTI_SPHERES || RTI_INSTANCES
     if (accel->slots[RTI_SPHERE] || accel->slots[RTI_INSTANCE])
-        return any ? rti_walk_any_all(accel, p, live, inst, stats) : rti_walk_closest_all(accel, p, live, inst, stats);
+        return any ? rti_walk_any_all(accel, p, live, inst, job) : rti_walk_closest_all(accel, p, live, inst, job);
 #endif
-    return any ? rti_walk_any(accel, p, live, inst, stats) : rti_walk_closest(accel, p, live, inst, stats);
+    return any ? rti_walk_any(accel, p, live, inst, job) : rti_walk_closest(accel, p, live, inst, job);
 }
 
 RTI_NOINLINE RTI_TARGET void rti_batch(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
@@ -3181,7 +3218,7 @@ RTI_NOINLINE RTI_TARGET void rti_batch(const rt_accel *accel, const rti_job *job
 #if RTI_STATS
         if (job->stats) job->stats->rays += (uint64_t)rti_bit_count(live);
 #endif
-        found = rti_walk(accel, &p, live, RT_NONE, any ? RTI_WALK_ANY : 0, job->stats);
+        found = rti_walk(accel, &p, live, RT_NONE, job);
         for (i = 0; i < n; i++) {
             rt_hit *hit = &hits[first + (size_t)i];
             if (!(found >> i & 1)) rti_set_miss(hit);
@@ -3246,6 +3283,7 @@ RTI_NOINLINE RTI_TARGET void rti_batch(const rt_accel *accel, const rti_job *job
 #undef rti_hit_triangles
 #undef rti_hit_spheres
 #undef rti_hit_instances
+#undef rti_hit_leaf
 #undef rti_walk_body
 #undef rti_walk
 #undef rti_walk_closest
