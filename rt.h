@@ -24,8 +24,8 @@
    CONTENTS (search for the tag)
 
        declarations    >>config   >>types     >>status   >>geometry  >>build   >>query   >>shading-api
-       implementation  >>platform >>memory    >>math     >>layout    >>instance >>validate >>bins    >>bvh
-                       >>refit    >>info      >>ray      >>passes    >>algorithms >>public >>shading
+       implementation  >>platform >>memory    >>math     >>layout    >>instance >>validate >>refs    >>bins    >>bvh
+                       >>kdtree   >>build-any >>refit    >>info      >>ray      >>passes   >>algorithms >>public >>shading
        one pass a SIMD width (this file includes itself)  >>wide  >>boxes  >>primitives  >>traverse
        license         >>license
 
@@ -66,7 +66,8 @@
        RT_ASSERT(x)         misuse by the programmer; default assert()
        RT_SELF              the name this file includes itself by; default "rt.h"
        RT_NO_SIMD           plain C only: 4-wide packets in scalar code; same hits, slower
-       RT_NO_PACKETS        leave out RT_BVH_SIMD
+       RT_NO_KDTREE         leave out RT_KDTREE and its algorithms
+       RT_NO_PACKETS        leave out every form with packets
        RT_NO_SPHERES, RT_NO_INSTANCES   leave these primitives out of rt_geometry and of the code
        RT_NO_STATS          leave out rt_stats
        RT_NO_SHADING        leave out cameras, materials and the renderer
@@ -74,6 +75,10 @@
 
    PAPERS
 
+     [Horn]      Horn, Sugerman, Houston, Hanrahan: Interactive k-D Tree GPU Raytracing, 2007
+     [Havran]    Wald, Havran: On building fast kd-Trees for Ray Tracing, and on doing that in O(N log N), 2006
+     [Foley]     Foley, Sugerman: KD-Tree Acceleration Structures for a GPU Raytracer, 2005
+     [Laine]     Laine: Restart Trail for Stackless BVH Traversal, 2010
      [Overbeck]  Overbeck, Ramamoorthi, Mark: Large Ray Packets for Real-time Whitted Ray Tracing, 2008
      [Wald]      Wald: On fast Construction of SAH-based Bounding Volume Hierarchies, 2007
      [Woop]      Woop, Benthin, Wald: Watertight Ray/Triangle Intersection, JCGT 2013
@@ -209,7 +214,8 @@ RT_API void rt_free(rt_accel *accel);
 
 /* Moves the primitives to where geo says, keeping the tree: O(n), no allocation. geo must have the counts that accel was built
    from; indices are read again. Accels that instance this one must be refitted or rebuilt after it. A primitive that build left out stays
-   out; one that has become bad fails the call. On failure accel is as it was. error may be NULL. */
+   out; one that has become bad fails the call. On failure accel is as it was. error may be NULL. RT_BVH only: the planes of a k-d tree
+   cut primitives where they were, so that answers RT_ERROR_UNSUPPORTED. */
 RT_API rt_status rt_refit(rt_accel *accel, const rt_geometry *geo);
 RT_API rt_status rt_refit_error(rt_accel *accel, const rt_geometry *geo, rt_error *error);
 
@@ -223,7 +229,7 @@ typedef struct {
     int depth;                              /* edges from the root to the deepest leaf */
     int nesting;                            /* levels of instances below this accel */
     size_t bytes;                           /* held by this accel (not by accels it instances) */
-    double sah;                             /* expected cost of a ray that hits the root box, in primitive tests */
+    double sah;                             /* expected cost of a ray that hits the root box, in primitive tests; with the default costs */
     rt_vec3 lower, upper;                   /* bounds; lower > upper when empty */
 } rt_info;
 
@@ -429,6 +435,11 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #else
 #define RTI_INSTANCES 1
 #endif
+#ifdef RT_NO_KDTREE
+#define RTI_KDTREE 0
+#else
+#define RTI_KDTREE 1
+#endif
 #ifdef RT_NO_STATS
 #define RTI_STATS 0
 #else
@@ -618,6 +629,20 @@ enum { RTI_TRIANGLE, RTI_SPHERE, RTI_INSTANCE, RTI_KINDS };
 #define RTI_MAX_LEAF 8                      /* primitives: what is more is split, by halving where SAH finds no plane */
 
 typedef struct { float bounds[6]; uint32_t index, count; } rti_node;
+/* k-d tree node, 8 bytes
+     split  inner: where the plane stands                    count  leaf: kind << 28 | number of primitives
+     word   bits 0-1: the plane's axis, or 3 for a leaf      bits 2-31: inner: first of two children; leaf: first slot
+   The root is node 0 and node 1 is left free: so children are 2 j and 2 j + 1, never in two cache lines, and what belongs to their
+   parent, links[j], is found from either. A leaf of kind RTI_MIXED holds several kinds: count and first are those of parts. */
+typedef struct { union { float split; uint32_t count; } as; uint32_t word; } rti_kdnode;
+typedef struct { float bounds[6]; uint32_t parent; } rti_kdlink;
+typedef struct { uint32_t first, count; } rti_kdpart;               /* slots of one kind; count as in a leaf */
+#define RTI_MIXED RTI_KINDS
+#define RTI_LEAF 3u                          /* the axis of leaves */
+#define RTI_DUPLICATION 4                    /* references a primitive: the default limit, */
+#define RTI_MAX_DUPLICATION 64               /* and the greatest */
+#define RTI_MAX_REFERENCES ((size_t)1 << 28) /* of one tree: nodes and slots fit in 30 bits */
+
 typedef struct { float v[9]; uint32_t prim; } rti_triangle;
 typedef struct { float center[3], radius; uint32_t prim; } rti_ball;
 typedef struct {
@@ -629,11 +654,18 @@ typedef struct {
 typedef char rti_check_ray[sizeof(rt_ray) == 32 ? 1 : -1];
 typedef char rti_check_hit[sizeof(rt_hit) == 20 ? 1 : -1];
 typedef char rti_check_node[sizeof(rti_node) == 32 ? 1 : -1];
+typedef char rti_check_kdnode[sizeof(rti_kdnode) == 8 ? 1 : -1];
 typedef char rti_check_triangle[sizeof(rti_triangle) == 40 ? 1 : -1];
 
 struct rt_accel {
     rt_structure structure;
-    rti_node *nodes;                        /* node_count of them, the root first; none when empty */
+    rti_node *nodes;                        /* RT_BVH: node_count of them, the root first; none when empty */
+#if RTI_KDTREE
+    rti_kdnode *kdnodes;                    /* RT_KDTREE: likewise */
+    rti_kdlink *kdlinks;                    /* node_count / 2; NULL with opt->no_backtrack */
+    rti_kdpart *kdparts;                    /* of leaves with several kinds */
+    size_t kdpart_count;
+#endif
     rti_triangle *triangles;                /* in leaf order; or, with opt->reference: */
     uint32_t *triangle_ids;
 #if RTI_SPHERES
@@ -683,6 +715,11 @@ RTI_INLINE size_t rti_instance_count(const rt_geometry *geo)
     (void)geo;
     return 0;
 #endif
+}
+
+RTI_INLINE int rti_kind_of(const rt_geometry *geo, size_t prim)
+{
+    return prim < geo->triangle_count ? RTI_TRIANGLE : prim - geo->triangle_count < rti_sphere_count(geo) ? RTI_SPHERE : RTI_INSTANCE;
 }
 
 /* The primitive's vertices; bad indices give false. Coordinates are not looked at. */
@@ -870,6 +907,63 @@ static rt_status rti_check_geometry(const rt_geometry *geo, rt_error *error)
     return RT_OK;
 }
 
+#if RTI_KDTREE
+/* Every node once, planes inside their cells, leaves that cover all slots in order, links and boxes right. */
+static bool rti_kd_validate(const rt_accel *accel)
+{
+    struct { uint32_t node; int depth; float bounds[6]; } stack[RTI_MAX_DEPTH + 1];
+    size_t seen[RTI_KINDS] = { 0, 0, 0 }, visited = 1, parts = 0, i;
+    int top = 1, deepest = 0, k;
+    stack[0].node = 0;
+    stack[0].depth = 0;
+    for (k = 0; k < 3; k++) {
+        stack[0].bounds[k] = accel->lower[k];
+        stack[0].bounds[3 + k] = accel->upper[k];
+        if (!(accel->lower[k] <= accel->upper[k])) return false;
+    }
+    while (top) {
+        const uint32_t at = stack[--top].node;
+        const int depth = stack[top].depth;
+        const rti_kdnode *node = &accel->kdnodes[at];
+        const int axis = (int)(node->word & 3);
+        uint32_t first = node->word >> 2;
+        if (at >= accel->node_count || depth > RTI_MAX_DEPTH) return false;
+        visited++;
+        if (depth > deepest) deepest = depth;
+        if (axis != (int)RTI_LEAF) {
+            const float *bounds = stack[top].bounds;
+            if (!(node->as.split > bounds[axis] && node->as.split < bounds[3 + axis])) return false;
+            if ((first & 1) || first < 2 || first + 1 >= accel->node_count || top + 2 > RTI_MAX_DEPTH + 1) return false;
+            if (accel->kdlinks && (accel->kdlinks[first / 2].parent != at || memcmp(accel->kdlinks[first / 2].bounds, bounds, 24)))
+                return false;
+            stack[top + 1] = stack[top];
+            stack[top].node = first + 1;
+            stack[top].bounds[axis] = node->as.split;
+            stack[top++].depth = depth + 1;
+            stack[top].node = first;
+            stack[top].bounds[3 + axis] = node->as.split;
+            stack[top++].depth = depth + 1;
+            continue;
+        }
+        {
+            const bool mixed = node->as.count >> RTI_KIND_SHIFT == RTI_MIXED;
+            const uint32_t count = mixed ? node->as.count & RTI_COUNT_MASK : 1;
+            if (mixed && (count < 2 || first + count > accel->kdpart_count)) return false;
+            parts += mixed ? count : 0;
+            for (i = 0; i < count; i++) {   /* slots of one kind follow each other in the order of the nodes' making, not of this walk */
+                const uint32_t slot = mixed ? accel->kdparts[first + i].first : first;
+                const uint32_t n = mixed ? accel->kdparts[first + i].count : node->as.count, kind = n >> RTI_KIND_SHIFT;
+                if (kind >= RTI_KINDS || (n & RTI_COUNT_MASK && slot + (size_t)(n & RTI_COUNT_MASK) > accel->slots[kind])) return false;
+                seen[kind] += n & RTI_COUNT_MASK;
+            }
+        }
+    }
+    for (k = 0; k < RTI_KINDS; k++)
+        if (seen[k] != accel->slots[k]) return false;
+    return visited == accel->node_count && deepest == accel->depth && parts == accel->kdpart_count;
+}
+#endif
+
 /* Walks the tree and checks every invariant the traversals rely on; the tests call it after each build and refit. */
 RTI_NOINLINE bool rti_validate(const rt_accel *accel)
 {
@@ -877,6 +971,9 @@ RTI_NOINLINE bool rti_validate(const rt_accel *accel)
     struct { uint32_t node; int depth; } stack[RTI_MAX_DEPTH + 1];
     int top = 0, deepest = 0, k;
     if (!accel->node_count) return accel->slots[0] + accel->slots[1] + accel->slots[2] == 0;
+#if RTI_KDTREE
+    if (accel->structure == RT_KDTREE) return rti_kd_validate(accel);
+#endif
     stack[top].node = 0;
     stack[top++].depth = 0;
     while (top) {
@@ -910,10 +1007,84 @@ RTI_NOINLINE bool rti_validate(const rt_accel *accel)
     return visited == accel->node_count && deepest == accel->depth;
 }
 
-/* ---- >>bins --------------------------------------------------------------------------------------------------------- */
+/* ---- >>refs --------------------------------------------------------------------------------------------------------- */
 
 /* One primitive while building. */
 typedef struct { float lo[3]; uint32_t prim; float hi[3]; uint32_t kind; } rti_ref;
+
+#define RTI_CHUNK ((size_t)1 << 15)          /* refs that one call of a parallel_for's body looks at */
+static size_t rti_chunk_total(size_t count) { return (count + RTI_CHUNK - 1) / RTI_CHUNK; }
+
+static void rti_for(const rt_build_options *opt, size_t count, void (*body)(void *context, size_t index), void *context)
+{
+    if (opt->parallel_for && count > 1) opt->parallel_for(opt->parallel_user, count, body, context);
+    else {
+        size_t i;
+        for (i = 0; i < count; i++) body(context, i);
+    }
+}
+
+typedef struct {
+    const rt_geometry *geo;
+    rti_ref *refs;
+    size_t total;
+    size_t *bad;                            /* first bad primitive of each chunk, or total */
+    size_t *bad_count;                      /* bad primitives of each chunk, */
+    size_t *left_out;                       /* and those that are bad or empty */
+} rti_gather;
+
+static void rti_gather_chunk(void *context, size_t chunk)
+{
+    rti_gather *g = (rti_gather *)context;
+    size_t i = chunk * RTI_CHUNK, end = g->total - i < RTI_CHUNK ? g->total : i + RTI_CHUNK;
+    g->bad[chunk] = g->total;
+    g->bad_count[chunk] = g->left_out[chunk] = 0;
+    for (; i < end; i++) {
+        rti_ref *ref = &g->refs[i];
+        rti_box box;
+        int kind;
+        bool good = rti_prim_box(g->geo, i, &box, &kind) == NULL;
+        memcpy(ref->lo, box.lo, sizeof ref->lo);
+        memcpy(ref->hi, box.hi, sizeof ref->hi);
+        ref->kind = (uint32_t)kind;
+        ref->prim = good && box.lo[0] <= box.hi[0] ? (uint32_t)i : RT_NONE;
+        if (ref->prim == RT_NONE) g->left_out[chunk]++;
+        if (!good && !g->bad_count[chunk]++) g->bad[chunk] = i;
+    }
+}
+
+/* Checks all primitives, in parallel, and makes a ref of each that is good and not empty: *refs, to be released also on failure. */
+static rt_status rti_gather_refs(rt_accel *accel, const rt_geometry *geo, const rt_build_options *opt, rti_ref **refs, size_t *count)
+{
+    size_t total = geo->triangle_count + rti_sphere_count(geo) + rti_instance_count(geo), chunks = rti_chunk_total(total), i, out = 0;
+    rti_gather gather;
+    rt_status status = RT_OK;
+    gather.geo = geo;
+    gather.total = total;
+    gather.refs = *refs = (rti_ref *)rti_alloc(total, sizeof(rti_ref), opt->memory_user);
+    gather.bad = (size_t *)rti_alloc(chunks, 3 * sizeof(size_t), opt->memory_user);
+    if (!gather.refs || !gather.bad) status = RT_ERROR_MEMORY;
+    else {
+        gather.bad_count = gather.bad + chunks;
+        gather.left_out = gather.bad_count + chunks;
+        rti_for(opt, chunks, rti_gather_chunk, &gather);
+        for (i = 0; i < chunks && status == RT_OK; i++) {
+            if (gather.bad[i] < total && !opt->skip_invalid) status = rti_bad_prim(opt->error, geo, gather.bad[i]);
+            accel->skipped += gather.bad_count[i];
+            out += gather.left_out[i];
+        }
+        if (out) {                          /* close the gaps */
+            size_t left = 0;
+            for (i = 0; i < total; i++)
+                if (gather.refs[i].prim != RT_NONE) gather.refs[left++] = gather.refs[i];
+        }
+        *count = total - out;
+    }
+    rti_release(gather.bad, opt->memory_user);
+    return status;
+}
+
+/* ---- >>bins --------------------------------------------------------------------------------------------------------- */
 
 #define RTI_MAX_BINS 32
 typedef struct { rti_box box[3][RTI_MAX_BINS]; uint32_t count[3][RTI_MAX_BINS]; } rti_bins;
@@ -1019,7 +1190,6 @@ static bool rti_best_split(const rti_bins *bins, const rti_binning *b, rti_split
    more than RTI_TASK refs are split one after the other, their passes over the refs cut into chunks; the rest is one task each. Minimum,
    maximum and stable partition do not depend on how the refs are cut. */
 
-#define RTI_CHUNK ((size_t)1 << 15)
 #define RTI_TASK  ((size_t)1 << 13)
 #define RTI_TRAVERSAL_COST 1.2              /* of a node, in primitive tests; measured, see tests/bench.c */
 
@@ -1038,22 +1208,13 @@ typedef struct {
     rti_work *tasks;
     size_t task_count, task_limit;
     const rt_geometry *geo;
+    const rt_build_options *opt;
     int bins;
-    rt_parallel_for parallel_for;
-    void *parallel_user;
+    double traversal_cost;
     const rti_work *work;                   /* the node whose chunks are being worked on */
     const rti_binning *binning;
     const rti_split *split;
 } rti_builder;
-
-static void rti_for(const rti_builder *b, size_t count, void (*body)(void *context, size_t index), void *context)
-{
-    if (b->parallel_for && count > 1) b->parallel_for(b->parallel_user, count, body, context);
-    else {
-        size_t i;
-        for (i = 0; i < count; i++) body(context, i);
-    }
-}
 
 RTI_INLINE void rti_grow_centroid(rti_box *centroids, const rti_ref *ref)
 {
@@ -1135,7 +1296,6 @@ static void rti_chunk_copy(void *context, size_t i)
     size_t count = rti_chunk_range(b, i, &refs);
     memcpy(refs, b->spare + (refs - b->refs), count * sizeof *refs);
 }
-static size_t rti_chunk_total(size_t count) { return (count + RTI_CHUNK - 1) / RTI_CHUNK; }
 
 static void rti_partition_chunks(rti_builder *b, const rti_work *work, const rti_binning *binning, const rti_split *split,
                                  rti_box centroids[2])
@@ -1144,7 +1304,7 @@ static void rti_partition_chunks(rti_builder *b, const rti_work *work, const rti
     b->work = work;
     b->binning = binning;
     b->split = split;
-    rti_for(b, chunks, rti_chunk_count, b);
+    rti_for(b->opt, chunks, rti_chunk_count, b);
     centroids[0] = centroids[1] = rti_empty_box;
     for (i = 0; i < chunks; i++) {
         rti_chunk *chunk = &b->chunks[i];
@@ -1156,8 +1316,8 @@ static void rti_partition_chunks(rti_builder *b, const rti_work *work, const rti
         left += lefts;
         right += count - lefts;
     }
-    rti_for(b, chunks, rti_chunk_scatter, b);
-    rti_for(b, chunks, rti_chunk_copy, b);
+    rti_for(b->opt, chunks, rti_chunk_scatter, b);
+    rti_for(b->opt, chunks, rti_chunk_copy, b);
 }
 
 static void rti_bounds_of(const rti_ref *refs, size_t count, rti_box *box, rti_box *centroids)
@@ -1203,7 +1363,7 @@ static bool rti_split_node(rti_builder *b, const rti_work *work, bool chunked, r
             size_t i, chunks = rti_chunk_total(work->count);
             b->work = work;
             b->binning = &binning;
-            rti_for(b, chunks, rti_chunk_bin, b);
+            rti_for(b->opt, chunks, rti_chunk_bin, b);
             all = &b->chunks[0].bins;
             for (i = 1; i < chunks; i++) rti_bins_merge(all, &b->chunks[i].bins, b->bins);
         } else {
@@ -1212,7 +1372,7 @@ static bool rti_split_node(rti_builder *b, const rti_work *work, bool chunked, r
         }
         if (rti_best_split(all, &binning, &split)) {
             double area = rti_half_area(&work->box);
-            if (work->count > RTI_MAX_LEAF || RTI_TRAVERSAL_COST * area + split.cost < (double)work->count * area) {
+            if (work->count > RTI_MAX_LEAF || b->traversal_cost * area + split.cost < (double)work->count * area) {
                 if (chunked) rti_partition_chunks(b, work, &binning, &split, centroids);
                 else rti_partition(b, work, &binning, &split, centroids);
                 left = split.left_count;
@@ -1280,7 +1440,7 @@ static void rti_build_tree(rti_builder *b, const rti_work *root)
             stack[top++] = parts[0];
         }
         if (b->task_count == b->task_limit || !top) {                   /* bounded memory: at most task_limit wait */
-            rti_for(b, b->task_count, rti_build_task, b);
+            rti_for(b->opt, b->task_count, rti_build_task, b);
             b->task_count = 0;
         }
     }
@@ -1338,8 +1498,8 @@ static void rti_set_root(rt_accel *accel)
 {
     int k;
     for (k = 0; k < 3; k++) {
-        accel->lower[k] = accel->node_count ? accel->nodes[0].bounds[k] : RTI_INFINITY;
-        accel->upper[k] = accel->node_count ? accel->nodes[0].bounds[3 + k] : -RTI_INFINITY;
+        accel->lower[k] = accel->nodes ? accel->nodes[0].bounds[k] : RTI_INFINITY;
+        accel->upper[k] = accel->nodes ? accel->nodes[0].bounds[3 + k] : -RTI_INFINITY;
     }
 }
 
@@ -1398,39 +1558,15 @@ static void rti_set_reach(rt_accel *accel)
 #endif
 }
 
-typedef struct {
-    const rt_geometry *geo;
-    rti_ref *refs;
-    size_t total;
-    size_t *bad;                            /* first bad primitive of each chunk, or total */
-    size_t *bad_count;                      /* bad primitives of each chunk, */
-    size_t *left_out;                       /* and those that are bad or empty */
-} rti_gather;
-
-static void rti_gather_chunk(void *context, size_t chunk)
-{
-    rti_gather *g = (rti_gather *)context;
-    size_t i = chunk * RTI_CHUNK, end = g->total - i < RTI_CHUNK ? g->total : i + RTI_CHUNK;
-    g->bad[chunk] = g->total;
-    g->bad_count[chunk] = g->left_out[chunk] = 0;
-    for (; i < end; i++) {
-        rti_ref *ref = &g->refs[i];
-        rti_box box;
-        int kind;
-        bool good = rti_prim_box(g->geo, i, &box, &kind) == NULL;
-        memcpy(ref->lo, box.lo, sizeof ref->lo);
-        memcpy(ref->hi, box.hi, sizeof ref->hi);
-        ref->kind = (uint32_t)kind;
-        ref->prim = good && box.lo[0] <= box.hi[0] ? (uint32_t)i : RT_NONE;
-        if (ref->prim == RT_NONE) g->left_out[chunk]++;
-        if (!good && !g->bad_count[chunk]++) g->bad[chunk] = i;
-    }
-}
-
 static void rti_free_accel(rt_accel *accel)
 {
     void *user = accel->memory_user;
     rti_release(accel->nodes, user);
+#if RTI_KDTREE
+    rti_release(accel->kdnodes, user);
+    rti_release(accel->kdlinks, user);
+    rti_release(accel->kdparts, user);
+#endif
     rti_release(accel->triangles, user);
     rti_release(accel->triangle_ids, user);
 #if RTI_SPHERES
@@ -1482,12 +1618,14 @@ static void rti_fill_chunk(void *context, size_t chunk)
     for (; i < end; i++) rti_fill_triangle(&fill->accel->triangles[i], fill->geo);
 }
 
-/* Allocates the arrays of each kind and fills them from the refs, which stand in leaf order. */
-static bool rti_fill_slots(rt_accel *accel, const rt_geometry *geo, const rti_ref *refs, size_t count, bool reference, const rti_builder *b)
+/* Allocates the arrays of each kind and fills them with prims[0], prims[stride], ... which stand in leaf order. */
+static bool rti_fill_slots(rt_accel *accel, const rt_geometry *geo, const rt_build_options *opt, const uint32_t *prims, size_t stride,
+                           size_t count)
 {
+    const bool reference = opt->reference;
     void *user = accel->memory_user;
     size_t i, next[RTI_KINDS] = { 0, 0, 0 };
-    for (i = 0; i < count; i++) accel->slots[refs[i].kind]++;
+    for (i = 0; i < count; i++) accel->slots[rti_kind_of(geo, prims[i * stride])]++;
     if (reference) accel->triangle_ids = (uint32_t *)rti_alloc(accel->slots[RTI_TRIANGLE], sizeof(uint32_t), user);
     else accel->triangles = (rti_triangle *)rti_alloc(accel->slots[RTI_TRIANGLE], sizeof(rti_triangle), user);
     if (!accel->triangles && !accel->triangle_ids) return false;
@@ -1508,9 +1646,10 @@ static bool rti_fill_slots(rt_accel *accel, const rt_geometry *geo, const rti_re
     }
 #endif
     for (i = 0; i < count; i++) {           /* leaves of one kind stand in ref order: slots count up */
-        uint32_t prim = refs[i].prim;
-        size_t slot = next[refs[i].kind]++;
-        switch (refs[i].kind) {
+        uint32_t prim = prims[i * stride];
+        int kind = rti_kind_of(geo, prim);
+        size_t slot = next[kind]++;
+        switch (kind) {
         case RTI_TRIANGLE:
             if (reference) accel->triangle_ids[slot] = prim;
             else accel->triangles[slot].prim = prim;
@@ -1541,55 +1680,24 @@ static bool rti_fill_slots(rt_accel *accel, const rt_geometry *geo, const rti_re
         rti_fill fill;
         fill.accel = accel;
         fill.geo = geo;
-        rti_for(b, rti_chunk_total(accel->slots[RTI_TRIANGLE]), rti_fill_chunk, &fill);
+        rti_for(opt, rti_chunk_total(accel->slots[RTI_TRIANGLE]), rti_fill_chunk, &fill);
     }
     return true;
 }
 
-static rt_status rti_build_bvh(rt_accel *accel, const rt_geometry *geo, const rt_build_options *opt)
+static rt_status rti_build_bvh(rt_accel *accel, const rt_geometry *geo, const rt_build_options *opt, rti_ref *refs, size_t count)
 {
     void *user = opt->memory_user;
-    size_t total = geo->triangle_count + rti_sphere_count(geo) + rti_instance_count(geo), chunks = rti_chunk_total(total), i, count = 0;
-    rti_gather gather;
     rti_builder b;
     rti_work root;
     rt_status status = RT_ERROR_MEMORY;
 
     memset(&b, 0, sizeof b);
     b.geo = geo;
+    b.opt = opt;
+    b.refs = refs;
     b.bins = opt->quality == RT_BUILD_FAST ? 8 : opt->quality == RT_BUILD_HIGH ? 32 : 16;
-    b.parallel_for = opt->parallel_for;
-    b.parallel_user = opt->parallel_user;
-    b.refs = (rti_ref *)rti_alloc(total, sizeof(rti_ref), user);
-    gather.geo = geo;
-    gather.refs = b.refs;
-    gather.total = total;
-    gather.bad = (size_t *)rti_alloc(chunks, 3 * sizeof(size_t), user);
-    if (!b.refs || !gather.bad) goto out;
-    gather.bad_count = gather.bad + chunks;
-    gather.left_out = gather.bad_count + chunks;
-    rti_for(&b, chunks, rti_gather_chunk, &gather);
-    for (i = 0; i < chunks; i++) {
-        if (gather.bad[i] < total && !opt->skip_invalid) {
-            status = rti_bad_prim(opt->error, geo, gather.bad[i]);
-            goto out;
-        }
-        accel->skipped += gather.bad_count[i];
-        count += gather.left_out[i];
-    }
-    if (count) {                            /* close the gaps */
-        size_t left = 0;
-        for (i = 0; i < total; i++)
-            if (b.refs[i].prim != RT_NONE) b.refs[left++] = b.refs[i];
-        count = left;
-    } else count = total;
-    if (!count) {
-        rti_set_root(accel);
-        rti_set_reach(accel);
-        status = RT_OK;
-        goto out;
-    }
-
+    b.traversal_cost = opt->traversal_cost > 0 ? (double)opt->traversal_cost : RTI_TRAVERSAL_COST;
     b.task_limit = count <= RTI_TASK ? 1 : 1024;
     b.spare = (rti_ref *)rti_alloc(count, sizeof(rti_ref), user);
     b.pool = (rti_node *)rti_alloc(count, 2 * sizeof(rti_node), user);
@@ -1598,7 +1706,7 @@ static rt_status rti_build_bvh(rt_accel *accel, const rt_geometry *geo, const rt
     if (!b.spare || !b.pool || !b.tasks || !b.chunks) goto out;
     memset(&root, 0, sizeof root);
     root.count = count;
-    rti_bounds_of(b.refs, count, &root.box, &root.centroids);
+    rti_bounds_of(refs, count, &root.box, &root.centroids);
     rti_build_tree(&b, &root);
 
     rti_release(b.spare, user);
@@ -1608,21 +1716,983 @@ static rt_status rti_build_bvh(rt_accel *accel, const rt_geometry *geo, const rt
     if (!accel->nodes) goto out;
     accel->bytes += accel->node_count * sizeof(rti_node);
     rti_flatten(accel, b.pool);
+    rti_set_root(accel);
     rti_release(b.pool, user);
     b.pool = NULL;
-    if (!rti_fill_slots(accel, geo, b.refs, count, opt->reference, &b)) goto out;
-    rti_set_root(accel);
-    rti_set_reach(accel);
-    status = RT_OK;
+    if (rti_fill_slots(accel, geo, opt, &refs->prim, sizeof *refs / sizeof refs->prim, count)) status = RT_OK;
 out:
-    rti_release(gather.bad, user);
-    rti_release(b.refs, user);
     rti_release(b.spare, user);
     rti_release(b.pool, user);
     rti_release(b.tasks, user);
     rti_release(b.chunks, user);
-    return status == RT_ERROR_MEMORY ? rti_fail(opt->error, status, RT_NONE, "out of memory for %lu primitives", (unsigned long)total)
-        : status;
+    return status;
+}
+
+/* ---- >>kdtree ------------------------------------------------------------------------------------------------------- */
+
+/* Top-down SAH after [Havran]: the cost of a plane is traversal + area(left) * count(left) + area(right) * count(right), areas relative
+   to the cell's, less a bonus where one side is empty; a node whose best plane costs more than its primitives is a leaf. A primitive on
+   both sides is clipped to either cell (their "perfect splits"). Small nodes try every plane where a primitive begins or ends. Larger
+   ones count beginnings and ends in bins, then once more in finer bins around the best plane, and take the nearest exact beginning or
+   end: no lists to sort and to keep sorted, O(n) a level, O(n log n) in all.
+
+   Nodes over RTI_KD_TASK refs are split one after the other, their refs in parallel chunks; the rest is one task each. What a node may use
+   of the limit on references, its budget, is shared out at each split, so it depends neither on order nor on threads. An empty leaf
+   uses one: that bounds the nodes too. */
+
+#if RTI_KDTREE
+
+#define RTI_KD_TASK  ((size_t)1 << 12)
+#define RTI_KD_LANES 16                     /* tasks that run side by side: each has 130 KiB + 200 bytes a reference that it may make */
+#define RTI_KD_BINS  32
+#define RTI_KD_FEW   64                     /* the most refs for which every plane is tried, at any quality */
+
+typedef struct { float lo[4], hi[4]; } rti_kdcell;                  /* the fourth lanes are 0 */
+
+typedef struct {
+    rti_ref *refs;
+    size_t count, budget;
+    uint32_t node;                          /* where it goes */
+    int depth;
+    rti_kdcell cell;
+} rti_kdwork;
+
+typedef struct { int axis; float at; bool planar_left; double cost; } rti_kdplane;    /* planar_left: where primitives in the plane go */
+
+/* Cost of a split at distance x from the cell's lower plane: area(left) = x * slope + base, of a cell of area 1. */
+typedef struct { float slope[3], base[3], size[3]; float traversal, bonus; } rti_kdcost;
+
+typedef struct { float origin[4], scale[4]; } rti_kdgrid;           /* bin = (x - origin) * scale; scale 0: cannot be split */
+typedef struct { uint32_t starts[3][RTI_KD_BINS], ends[3][RTI_KD_BINS]; } rti_kdbins;
+typedef struct { uint32_t starts[RTI_KD_BINS], ends[RTI_KD_BINS]; float first[RTI_KD_BINS], last[RTI_KD_BINS]; } rti_kdfine;
+typedef struct { rti_kdbins bins; rti_kdfine fine; size_t left, right; } rti_kdchunk;
+
+/* A finished subtree: nodes from index 2 on are pairs, node 0 is its root; children and slots are counted from its own start. */
+typedef struct { rti_kdnode *nodes; uint32_t *prims; size_t node_count, prim_count; uint32_t node; } rti_kdblock;
+
+typedef struct { rti_kdwork work; rti_ref *refs, *spare; rti_kdblock out; } rti_kdlane;
+
+typedef struct {
+    const rt_geometry *geo;
+    const rt_build_options *opt;
+    float traversal, bonus;
+    size_t few;                             /* up to so many refs every plane is tried */
+    int max_depth;
+    bool mixed;                             /* the geometry has several kinds */
+    rti_kdnode *top;                        /* nodes over RTI_KD_TASK refs, and the roots of blocks */
+    size_t top_count, top_limit;
+    rti_kdblock *blocks;
+    size_t block_count, block_limit;
+    rti_kdlane *lanes;
+    size_t lane_count;
+    rti_ref *spare;                         /* chunks of a node being split: lefts, then rights */
+    rti_kdchunk *chunks;
+    const rti_kdwork *work;                 /* the node whose chunks are being worked on */
+    const rti_kdgrid *grid;
+    const rti_kdplane *plane;
+    int axis, bin;
+    rti_ref *parts[2];
+    size_t offset[2];
+} rti_kdbuilder;
+
+/* ---- the best plane */
+
+/* False: the cell is a point. Flat cells count as a little thick, since areas say nothing about them. */
+static bool rti_kd_cost(const rti_kdbuilder *b, const rti_kdcell *cell, rti_kdcost *cost)
+{
+    double d[3], most = 0, area;
+    int k;
+    for (k = 0; k < 3; k++) {
+        d[k] = (double)cell->hi[k] - (double)cell->lo[k];
+        cost->size[k] = (float)d[k];
+        if (d[k] > most) most = d[k];
+    }
+    if (!(most > 0)) return false;
+    for (k = 0; k < 3; k++)
+        if (d[k] < most * 1e-5) d[k] = most * 1e-5;
+    area = d[0] * d[1] + d[1] * d[2] + d[2] * d[0];
+    for (k = 0; k < 3; k++) {
+        double a = d[(k + 1) % 3], c = d[(k + 2) % 3];
+        cost->slope[k] = (float)((a + c) / area);
+        cost->base[k] = (float)(a * c / area);
+    }
+    cost->traversal = b->traversal;
+    cost->bonus = b->bonus;
+    return true;
+}
+
+RTI_INLINE float rti_kd_price(const rti_kdcost *c, int axis, float x, float left, float right)
+{
+    float price = left * (x * c->slope[axis] + c->base[axis]) + right * ((c->size[axis] - x) * c->slope[axis] + c->base[axis]);
+    return c->traversal + (left > 0 && right > 0 ? price : price * c->bonus);
+}
+
+RTI_INLINE void rti_kd_offer(rti_kdplane *best, const rti_kdcost *cost, const rti_kdcell *cell, int axis, float at, float left,
+                             float right, bool planar_left)
+{
+    float price;
+    if (!(at > cell->lo[axis] && at < cell->hi[axis])) return;      /* a plane in the cell's wall cuts nothing off */
+    price = rti_kd_price(cost, axis, at - cell->lo[axis], left, right);
+    if ((double)price < best->cost) {
+        best->cost = (double)price;
+        best->axis = axis;
+        best->at = at;
+        best->planar_left = planar_left;
+    }
+}
+
+/* How many of lo[0..n) lie below, and of hi[0..n) above, each of four planes. */
+RTI_INLINE void rti_kd_sides(const float *lo, const float *hi, size_t n, const float at[4], float left[4], float right[4])
+{
+    size_t i;
+#if RTI_X86
+    const __m128 plane = _mm_loadu_ps(at);
+    __m128i below = _mm_setzero_si128(), above = below;
+    for (i = 0; i < n; i++) {
+        below = _mm_sub_epi32(below, _mm_castps_si128(_mm_cmplt_ps(_mm_set1_ps(lo[i]), plane)));
+        above = _mm_sub_epi32(above, _mm_castps_si128(_mm_cmplt_ps(plane, _mm_set1_ps(hi[i]))));
+    }
+    _mm_storeu_ps(left, _mm_cvtepi32_ps(below));
+    _mm_storeu_ps(right, _mm_cvtepi32_ps(above));
+#else
+    int j;
+    for (j = 0; j < 4; j++) {
+        int below = 0, above = 0;
+        for (i = 0; i < n; i++) {
+            below += lo[i] < at[j];
+            above += hi[i] > at[j];
+        }
+        left[j] = (float)below;
+        right[j] = (float)above;
+    }
+#endif
+}
+
+/* Every plane where one of a few refs begins or ends. */
+static void rti_kd_try_all(const rti_kdwork *w, const rti_kdcost *cost, rti_kdplane *best)
+{
+    const size_t n = w->count;
+    float lo[RTI_KD_FEW + 4], hi[RTI_KD_FEW + 4], planes[2 * RTI_KD_FEW + 4], left[4], right[4];
+    size_t i, j, m, flat;
+    int axis;
+    for (axis = 0; axis < 3; axis++) {
+        const float low = w->cell.lo[axis], high = w->cell.hi[axis];
+        if (!(high > low)) continue;
+        m = flat = 0;
+        for (i = 0; i < n; i++) {
+            const float a = w->refs[i].lo[axis], c = w->refs[i].hi[axis];
+            lo[i] = a;
+            hi[i] = c;
+            flat += a >= c;
+            planes[m] = a;
+            m += a > low && a < high && !(m && planes[m - 1] <= a && planes[m - 1] >= a);
+            planes[m] = c;
+            m += c > low && c < high && !(m && planes[m - 1] <= c && planes[m - 1] >= c);
+        }
+        for (j = 0; j < m; j += 4) {
+            for (i = m; i < j + 4; i++) planes[i] = planes[m - 1];
+            rti_kd_sides(lo, hi, n, planes + j, left, right);
+            for (i = 0; i < 4; i++) {
+                float in_plane = 0;
+                if (flat) {                 /* primitives in the plane may go to either side */
+                    size_t k;
+                    for (k = 0; k < n; k++) in_plane += lo[k] >= planes[j + i] && hi[k] <= planes[j + i] ? 1.0f : 0.0f;
+                }
+                rti_kd_offer(best, cost, &w->cell, axis, planes[j + i], left[i] + in_plane, right[i], true);
+                if (in_plane > 0) rti_kd_offer(best, cost, &w->cell, axis, planes[j + i], left[i], right[i] + in_plane, false);
+            }
+        }
+    }
+}
+
+RTI_INLINE int rti_kd_bin_of(const rti_kdgrid *grid, int axis, float x)
+{
+    int bin = (int)((x - grid->origin[axis]) * grid->scale[axis]);
+    return bin < 0 ? 0 : bin < RTI_KD_BINS ? bin : RTI_KD_BINS - 1;
+}
+
+static rti_kdgrid rti_kd_make_grid(const rti_kdcell *cell)
+{
+    rti_kdgrid grid;
+    int k;
+    memset(&grid, 0, sizeof grid);
+    for (k = 0; k < 3; k++) {
+        float size = cell->hi[k] - cell->lo[k];
+        grid.origin[k] = cell->lo[k];
+        grid.scale[k] = size > 1e-34f ? (float)RTI_KD_BINS / size : 0;          /* below, the quotient could overflow */
+    }
+    return grid;
+}
+
+static void rti_kd_count(const rti_kdgrid *grid, const rti_ref *refs, size_t count, rti_kdbins *bins)
+{
+    size_t i;
+    memset(bins, 0, sizeof *bins);
+    for (i = 0; i < count; i++) {
+#if RTI_X86                                  /* the fourth lanes, ids that would be slow as floats, masked away */
+        const __m128 xyz = _mm_castsi128_ps(_mm_set_epi32(0, -1, -1, -1)), most = _mm_set1_ps(RTI_KD_BINS - 1);
+        const __m128 origin = _mm_loadu_ps(grid->origin), scale = _mm_loadu_ps(grid->scale);
+        const __m128 lo = _mm_mul_ps(_mm_sub_ps(_mm_and_ps(_mm_loadu_ps(refs[i].lo), xyz), origin), scale);
+        const __m128 hi = _mm_mul_ps(_mm_sub_ps(_mm_and_ps(_mm_loadu_ps(refs[i].hi), xyz), origin), scale);
+        const __m128i a = _mm_cvttps_epi32(_mm_min_ps(_mm_max_ps(lo, _mm_setzero_ps()), most));
+        const __m128i c = _mm_cvttps_epi32(_mm_min_ps(_mm_max_ps(hi, _mm_setzero_ps()), most));
+        bins->starts[0][_mm_extract_epi16(a, 0)]++;
+        bins->starts[1][_mm_extract_epi16(a, 2)]++;
+        bins->starts[2][_mm_extract_epi16(a, 4)]++;
+        bins->ends[0][_mm_extract_epi16(c, 0)]++;
+        bins->ends[1][_mm_extract_epi16(c, 2)]++;
+        bins->ends[2][_mm_extract_epi16(c, 4)]++;
+#else
+        int axis;
+        for (axis = 0; axis < 3; axis++) {
+            bins->starts[axis][rti_kd_bin_of(grid, axis, refs[i].lo[axis])]++;
+            bins->ends[axis][rti_kd_bin_of(grid, axis, refs[i].hi[axis])]++;
+        }
+#endif
+    }
+}
+
+/* The best plane between bins: bin is the one above it, *left and *right count what begins below bin - 1 and ends above bin. */
+static bool rti_kd_best_bin(const rti_kdgrid *grid, const rti_kdbins *bins, size_t count, const rti_kdwork *w, const rti_kdcost *cost,
+                            rti_kdplane *best, int *bin, float *left, float *right)
+{
+    bool found = false;
+    int axis, i;
+    for (axis = 0; axis < 3; axis++) {
+        uint32_t begun = 0, ended = 0;
+        if (!(grid->scale[axis] > 0)) continue;
+        for (i = 1; i < RTI_KD_BINS; i++) {
+            double before = best->cost;
+            begun += bins->starts[axis][i - 1];
+            ended += bins->ends[axis][i - 1];
+            rti_kd_offer(best, cost, &w->cell, axis, grid->origin[axis] + (float)i / grid->scale[axis], (float)begun,
+                         (float)(count - ended), true);
+            if (best->cost < before) {
+                found = true;
+                *bin = i;
+                *left = (float)(begun - bins->starts[axis][i - 1]);
+                *right = (float)(count - ended - bins->ends[axis][i]);
+            }
+        }
+    }
+    return found;
+}
+
+/* The two bins around a plane again, in finer ones, with the first and the last beginning or end in each. */
+RTI_INLINE rti_kdgrid rti_kd_fine_grid(const rti_kdgrid *grid, int axis, int bin)
+{
+    rti_kdgrid fine = *grid;
+    fine.origin[axis] = grid->origin[axis] + (float)(bin - 1) / grid->scale[axis];
+    fine.scale[axis] = grid->scale[axis] * ((float)RTI_KD_BINS / 2);
+    return fine;
+}
+RTI_INLINE void rti_kd_put(rti_kdfine *f, uint32_t *counts, int bin, float x)
+{
+    counts[bin]++;
+    if (x < f->first[bin]) f->first[bin] = x;
+    if (x > f->last[bin]) f->last[bin] = x;
+}
+static void rti_kd_count_fine(const rti_kdgrid *grid, int axis, int bin, const rti_ref *refs, size_t count, rti_kdfine *f)
+{
+    const rti_kdgrid fine = rti_kd_fine_grid(grid, axis, bin);
+    size_t i;
+    memset(f, 0, sizeof *f);
+    for (i = 0; i < RTI_KD_BINS; i++) {
+        f->first[i] = RTI_INFINITY;
+        f->last[i] = -RTI_INFINITY;
+    }
+    for (i = 0; i < count; i++) {
+        const float lo = refs[i].lo[axis], hi = refs[i].hi[axis];
+        const unsigned a = (unsigned)(rti_kd_bin_of(grid, axis, lo) - bin + 1), c = (unsigned)(rti_kd_bin_of(grid, axis, hi) - bin + 1);
+        if (a < 2) rti_kd_put(f, f->starts, rti_kd_bin_of(&fine, axis, lo), lo);
+        if (c < 2) rti_kd_put(f, f->ends, rti_kd_bin_of(&fine, axis, hi), hi);
+    }
+}
+
+static void rti_kd_best_fine(const rti_kdfine *f, int axis, float left, float right, const rti_kdwork *w, const rti_kdcost *cost,
+                             rti_kdplane *best)
+{
+    float first[RTI_KD_BINS + 1], last = -RTI_INFINITY;
+    int i;
+    first[RTI_KD_BINS] = RTI_INFINITY;
+    for (i = RTI_KD_BINS; i-- > 0;) {
+        first[i] = f->first[i] < first[i + 1] ? f->first[i] : first[i + 1];
+        right += (float)f->ends[i];
+    }
+    for (i = 0; i <= RTI_KD_BINS; i++) {    /* between two beginnings or ends the cost is linear: least at one of them */
+        rti_kd_offer(best, cost, &w->cell, axis, last, left, right, true);
+        rti_kd_offer(best, cost, &w->cell, axis, first[i], left, right, false);
+        if (i == RTI_KD_BINS) break;
+        left += (float)f->starts[i];
+        right -= (float)f->ends[i];
+        if (f->last[i] > last) last = f->last[i];
+    }
+}
+
+static void rti_kd_chunk_count(void *context, size_t i)
+{
+    rti_kdbuilder *b = (rti_kdbuilder *)context;
+    size_t first = i * RTI_CHUNK, left = b->work->count - first;
+    rti_kd_count(b->grid, b->work->refs + first, left < RTI_CHUNK ? left : RTI_CHUNK, &b->chunks[i].bins);
+}
+static void rti_kd_chunk_fine(void *context, size_t i)
+{
+    rti_kdbuilder *b = (rti_kdbuilder *)context;
+    size_t first = i * RTI_CHUNK, left = b->work->count - first;
+    rti_kd_count_fine(b->grid, b->axis, b->bin, b->work->refs + first, left < RTI_CHUNK ? left : RTI_CHUNK, &b->chunks[i].fine);
+}
+
+/* The best plane through w; false: w is better a leaf. chunked: in parallel (b is then not shared). */
+static bool rti_kd_plane(const rti_kdbuilder *b, const rti_kdwork *w, rti_kdbuilder *chunked, rti_kdplane *best)
+{
+    rti_kdcost cost;
+    memset(best, 0, sizeof *best);
+    best->cost = (double)w->count;          /* as a leaf */
+    if (!w->count || w->depth >= b->max_depth || !rti_kd_cost(b, &w->cell, &cost)) return false;
+    if (w->count <= b->few) rti_kd_try_all(w, &cost, best);
+    else {
+        const rti_kdgrid grid = rti_kd_make_grid(&w->cell);
+        const size_t chunks = chunked ? rti_chunk_total(w->count) : 1;
+        rti_kdbins bins;
+        rti_kdfine fine;
+        float left = 0, right = 0;
+        size_t i;
+        int axis, bin = 0, k;
+        if (chunked) {
+            chunked->work = w;
+            chunked->grid = &grid;
+            rti_for(b->opt, chunks, rti_kd_chunk_count, chunked);
+            bins = b->chunks[0].bins;
+            for (i = 1; i < chunks; i++)
+                for (axis = 0; axis < 3; axis++)
+                    for (k = 0; k < RTI_KD_BINS; k++) {
+                        bins.starts[axis][k] += b->chunks[i].bins.starts[axis][k];
+                        bins.ends[axis][k] += b->chunks[i].bins.ends[axis][k];
+                    }
+        } else rti_kd_count(&grid, w->refs, w->count, &bins);
+        if (!rti_kd_best_bin(&grid, &bins, w->count, w, &cost, best, &bin, &left, &right)) return false;
+        axis = best->axis;
+        if (chunked) {
+            chunked->axis = axis;
+            chunked->bin = bin;
+            rti_for(b->opt, chunks, rti_kd_chunk_fine, chunked);
+            fine = b->chunks[0].fine;
+            for (i = 1; i < chunks; i++)
+                for (k = 0; k < RTI_KD_BINS; k++) {
+                    const rti_kdfine *f = &b->chunks[i].fine;
+                    fine.starts[k] += f->starts[k];
+                    fine.ends[k] += f->ends[k];
+                    if (f->first[k] < fine.first[k]) fine.first[k] = f->first[k];
+                    if (f->last[k] > fine.last[k]) fine.last[k] = f->last[k];
+                }
+        } else rti_kd_count_fine(&grid, axis, bin, w->refs, w->count, &fine);
+        rti_kd_best_fine(&fine, axis, left, right, w, &cost, best);
+    }
+    return best->cost < (double)w->count;
+}
+
+/* ---- clipping */
+
+typedef struct { double x[3]; } rti_kdpoint;
+
+/* Sutherland-Hodgman: what of the polygon lies on the side of the plane (sign 1: below it). Returns the number of corners. */
+static int rti_kd_cut(const rti_kdpoint *from, int n, int axis, double at, double sign, rti_kdpoint *to)
+{
+    int i, k, m = 0;
+    for (i = 0; i < n; i++) {
+        const rti_kdpoint *p = &from[i], *q = &from[i + 1 < n ? i + 1 : 0];
+        double dp = (at - p->x[axis]) * sign, dq = (at - q->x[axis]) * sign;
+        if (dp >= 0) to[m++] = *p;
+        if ((dp > 0 && dq < 0) || (dp < 0 && dq > 0)) {
+            double t = dp / (dp - dq);
+            for (k = 0; k < 3; k++) to[m].x[k] = p->x[k] + (q->x[k] - p->x[k]) * t;
+            to[m++].x[axis] = at;
+        }
+    }
+    return m;
+}
+
+/* Shrinks ref to the corners' bounds, rounded outwards. */
+static void rti_kd_shrink(rti_ref *ref, const rti_kdpoint *corners, int n)
+{
+    int i, k;
+    for (k = 0; k < 3; k++) {
+        double lo = corners[0].x[k], hi = lo;
+        float low, high;
+        for (i = 1; i < n; i++) {
+            if (corners[i].x[k] < lo) lo = corners[i].x[k];
+            if (corners[i].x[k] > hi) hi = corners[i].x[k];
+        }
+        low = rti_float_down(lo);
+        high = rti_float_up(hi);
+        if (low > ref->lo[k]) ref->lo[k] = low < ref->hi[k] ? low : ref->hi[k];
+        if (high < ref->hi[k]) ref->hi[k] = high > ref->lo[k] ? high : ref->lo[k];
+    }
+}
+
+/* Cuts a ref that lies on both sides of plane: sides[0] and sides[1], and which of them are left, as bits. A triangle is clipped to the
+   cell, then to either side. Where a clipped corner is, double arithmetic knows to about 2^-50 of the largest coordinate; every plane is
+   moved out by 2^-40 of it, so what is found contains what is there, and as boxes are cut at the cell's own planes again, no more. A
+   ball is cut as its box; a side that its surface does not reach is left out, with room for rounding likewise. */
+static int rti_kd_clip(const rt_geometry *geo, const rti_kdcell *cell, const rti_kdplane *plane, const rti_ref *ref, rti_ref sides[2])
+{
+    const int axis = plane->axis;
+    int side, k, left = 0;
+    sides[0] = sides[1] = *ref;
+    sides[0].hi[axis] = sides[1].lo[axis] = plane->at;
+    if (ref->kind == RTI_TRIANGLE) {
+        rti_kdpoint corners[2][10], half[10];
+        float v[9];
+        double room = 0;
+        int n = 3, now = 0, m;
+        (void)rti_fetch_triangle(geo, ref->prim, v);
+        for (k = 0; k < 9; k++) {
+            double size = fabs((double)v[k]);
+            corners[0][k / 3].x[k % 3] = (double)v[k];
+            if (size > room) room = size;
+        }
+        room *= 9.094947e-13;               /* 2^-40 */
+        for (k = 0; k < 3; k++) {
+            const float least = v[k] < v[3 + k] ? (v[k] < v[6 + k] ? v[k] : v[6 + k]) : (v[3 + k] < v[6 + k] ? v[3 + k] : v[6 + k]);
+            const float most = v[k] > v[3 + k] ? (v[k] > v[6 + k] ? v[k] : v[6 + k]) : (v[3 + k] > v[6 + k] ? v[3 + k] : v[6 + k]);
+            if (most > cell->hi[k]) {
+                n = rti_kd_cut(corners[now], n, k, (double)cell->hi[k] + room, 1, corners[1 - now]);
+                now = 1 - now;
+            }
+            if (least < cell->lo[k]) {
+                n = rti_kd_cut(corners[now], n, k, (double)cell->lo[k] - room, -1, corners[1 - now]);
+                now = 1 - now;
+            }
+        }
+        if (!n) return 3;                   /* rounding left nothing of it: the box decides */
+        for (side = 0; side < 2; side++) {
+            double sign = side ? -1 : 1;
+            bool inside = false;            /* more than touches the plane from this side */
+            for (m = 0; m < n; m++) inside |= ((double)plane->at - corners[now][m].x[axis]) * sign > 0;
+            if (!inside) continue;
+            m = rti_kd_cut(corners[now], n, axis, (double)plane->at + sign * room, sign, half);
+            rti_kd_shrink(&sides[side], half, m);
+            left |= 1 << side;
+        }
+        return left ? left : 1;             /* all in the plane */
+    }
+#if RTI_SPHERES
+    if (ref->kind == RTI_SPHERE) {
+        rti_ball ball;
+        ball.prim = ref->prim;
+        rti_fill_ball(&ball, geo);
+        for (side = 0; side < 2; side++) {
+            double nearest = 0, farthest = 0, r = (double)ball.radius;
+            for (k = 0; k < 3; k++) {
+                double c = (double)ball.center[k], lo = (double)sides[side].lo[k] - c, hi = (double)sides[side].hi[k] - c;
+                double least = lo > 0 ? lo : hi < 0 ? hi : 0, most = -lo > hi ? lo : hi;
+                nearest += least * least;
+                farthest += most * most;
+            }
+            if (nearest <= r * r * (1 + 1e-9) && farthest >= r * r * (1 - 1e-9)) left |= 1 << side;
+        }
+        return left ? left : 3;
+    }
+#endif
+    return 3;
+}
+
+/* Distributes refs over both sides; rights may be where refs are, since it never overtakes them. Stable. */
+static void rti_kd_partition(const rt_geometry *geo, const rti_kdcell *cell, const rti_kdplane *plane, const rti_ref *refs, size_t count,
+                             rti_ref *lefts, rti_ref *rights, size_t *left_count, size_t *right_count)
+{
+    const int axis = plane->axis;
+    size_t i, left = 0, right = 0;
+    for (i = 0; i < count; i++) {
+        const rti_ref ref = refs[i];
+        const bool below = ref.lo[axis] < plane->at, above = ref.hi[axis] > plane->at;
+        if (below && above) {
+            rti_ref sides[2];
+            int kept = rti_kd_clip(geo, cell, plane, &ref, sides);
+            lefts[left] = sides[0];
+            left += (size_t)kept & 1;
+            rights[right] = sides[1];
+            right += (size_t)kept >> 1;
+        } else {
+            const bool to_left = below || (!above && plane->planar_left);
+            lefts[left] = ref;
+            left += to_left;
+            rights[right] = ref;
+            right += !to_left;
+        }
+    }
+    *left_count = left;
+    *right_count = right;
+}
+
+/* The two halves of w, but for their refs: they share what it may use. */
+static void rti_kd_share(const rti_kdwork *w, const rti_kdplane *plane, size_t left, size_t right, rti_kdwork parts[2])
+{
+    const size_t used = left + right + (left && right ? 0 : 1), spare = w->budget > used ? w->budget - used : 0;
+    parts[0] = parts[1] = *w;
+    parts[0].count = left;
+    parts[1].count = right;
+    parts[0].budget = left + (left ? (size_t)((double)spare * ((double)left / (double)(left + right))) : 0);
+    parts[1].budget = right + (right ? left + spare - parts[0].budget : 0);
+    parts[0].depth = parts[1].depth = w->depth + 1;
+    parts[0].cell.hi[plane->axis] = parts[1].cell.lo[plane->axis] = plane->at;
+}
+
+/* Is there budget for a split? Clipping can only make its parts smaller. */
+static bool rti_kd_affords(const rti_kdwork *w, const rti_kdplane *plane)
+{
+    size_t i, below = 0, above = 0, both = 0;
+    if (2 * w->count < w->budget) return true;
+    for (i = 0; i < w->count; i++) {
+        const bool left = w->refs[i].lo[plane->axis] < plane->at, right = w->refs[i].hi[plane->axis] > plane->at;
+        below += left;
+        above += right;
+        both += left && right;
+    }
+    return w->count + both + (below && above ? 0 : 1) <= w->budget;
+}
+
+/* ---- leaves and tasks */
+
+static void rti_kd_set_inner(rti_kdnode *node, const rti_kdplane *plane, size_t children)
+{
+    node->as.split = plane->at;
+    node->word = (uint32_t)children << 2 | (uint32_t)plane->axis;
+}
+
+/* A leaf of refs, whose prims are appended to out; grouped by kind where the geometry has several. */
+static void rti_kd_set_leaf(const rti_kdbuilder *b, rti_kdblock *out, rti_kdnode *node, const rti_ref *refs, size_t count)
+{
+    uint32_t kind = (uint32_t)RTI_TRIANGLE, k;
+    size_t i, first = out->prim_count;
+    if (count) kind = refs[0].kind;
+    if (b->mixed) {
+        for (i = 0; i < count; i++)
+            if (refs[i].kind != kind) kind = RTI_MIXED;
+        for (k = 0; k < RTI_KINDS; k++)
+            for (i = 0; i < count; i++)
+                if (refs[i].kind == k) out->prims[out->prim_count++] = refs[i].prim;
+    } else
+        for (i = 0; i < count; i++) out->prims[out->prim_count++] = refs[i].prim;
+    node->as.count = kind << RTI_KIND_SHIFT | (uint32_t)count;
+    node->word = (uint32_t)first << 2 | RTI_LEAF;
+}
+
+/* Builds the whole subtree of a lane's work. Refs of nodes that wait lie below those of the current one. */
+static void rti_kd_run_lane(void *context, size_t index)
+{
+    const rti_kdbuilder *b = (const rti_kdbuilder *)context;
+    rti_kdlane *lane = &b->lanes[index];
+    rti_kdwork stack[RTI_MAX_DEPTH + 1], parts[2];
+    rti_kdplane plane;
+    int top = 0;
+    memcpy(lane->refs, lane->work.refs, lane->work.count * sizeof(rti_ref));
+    stack[0] = lane->work;
+    stack[0].refs = lane->refs;
+    stack[top++].node = 0;
+    lane->out.node_count = 2;
+    lane->out.prim_count = 0;
+    while (top) {
+        rti_kdwork w = stack[--top];
+        size_t left, right;
+        if (!rti_kd_plane(b, &w, NULL, &plane) || !rti_kd_affords(&w, &plane)) {
+            rti_kd_set_leaf(b, &lane->out, &lane->out.nodes[w.node], w.refs, w.count);
+            continue;
+        }
+        rti_kd_partition(b->geo, &w.cell, &plane, w.refs, w.count, lane->spare, w.refs, &left, &right);
+        rti_kd_share(&w, &plane, left, right, parts);
+        memcpy(w.refs + right, lane->spare, left * sizeof(rti_ref));
+        parts[0].refs = w.refs + right;
+        parts[0].node = (uint32_t)lane->out.node_count;
+        parts[1].node = parts[0].node + 1;
+        rti_kd_set_inner(&lane->out.nodes[w.node], &plane, lane->out.node_count);
+        lane->out.node_count += 2;
+        stack[top++] = parts[1];
+        stack[top++] = parts[0];
+    }
+}
+
+/* ---- the top of the tree */
+
+/* Room for one more: *array is moved to one twice as large when it is full. */
+static bool rti_kd_grow(void **array, size_t *limit, size_t count, size_t size, void *user)
+{
+    void *more;
+    if (count < *limit) return true;
+    more = rti_alloc(*limit ? 2 * *limit : 64, size, user);
+    if (!more) return false;
+    if (*array) memcpy(more, *array, count * size);
+    rti_release(*array, user);
+    *array = more;
+    *limit = *limit ? 2 * *limit : 64;
+    return true;
+}
+
+static bool rti_kd_new_block(rti_kdbuilder *b, uint32_t node, size_t nodes, size_t prims)
+{
+    void *array = b->blocks, *user = b->opt->memory_user;
+    rti_kdblock *block;
+    bool grown = rti_kd_grow(&array, &b->block_limit, b->block_count, sizeof(rti_kdblock), user);
+    b->blocks = (rti_kdblock *)array;
+    if (!grown) return false;
+    block = &b->blocks[b->block_count++];
+    block->nodes = (rti_kdnode *)rti_alloc(nodes, sizeof(rti_kdnode), user);
+    block->prims = (uint32_t *)rti_alloc(prims, sizeof(uint32_t), user);
+    block->node_count = nodes;
+    block->prim_count = prims;
+    block->node = node;
+    return block->nodes && block->prims;
+}
+
+static bool rti_kd_run_lanes(rti_kdbuilder *b, size_t count)
+{
+    size_t i;
+    rti_for(b->opt, count, rti_kd_run_lane, b);
+    for (i = 0; i < count; i++) {
+        rti_kdlane *lane = &b->lanes[i];
+        rti_kdblock *block;
+        if (!rti_kd_new_block(b, lane->work.node, lane->out.node_count, lane->out.prim_count)) return false;
+        block = &b->blocks[b->block_count - 1];
+        memcpy(block->nodes, lane->out.nodes, block->node_count * sizeof(rti_kdnode));
+        memcpy(block->prims, lane->out.prims, block->prim_count * sizeof(uint32_t));
+    }
+    for (i = 0; i < count; i++) {
+        rti_release(b->lanes[i].work.refs, b->opt->memory_user);
+        b->lanes[i].work.refs = NULL;
+    }
+    return true;
+}
+
+static void rti_kd_chunk_partition(void *context, size_t i)
+{
+    rti_kdbuilder *b = (rti_kdbuilder *)context;
+    size_t first = i * RTI_CHUNK, left = b->work->count - first;
+    rti_kd_partition(b->geo, &b->work->cell, b->plane, b->work->refs + first, left < RTI_CHUNK ? left : RTI_CHUNK, b->spare + 2 * first,
+                     b->spare + 2 * first + (left < RTI_CHUNK ? left : RTI_CHUNK), &b->chunks[i].left, &b->chunks[i].right);
+}
+
+/* Splits w, whose refs are its own allocation, into parts with theirs; w's are released. */
+static bool rti_kd_split(rti_kdbuilder *b, rti_kdwork *w, const rti_kdplane *plane, rti_kdwork parts[2])
+{
+    void *user = b->opt->memory_user;
+    const size_t chunks = rti_chunk_total(w->count);
+    size_t i, left = 0, right = 0;
+    b->work = w;
+    b->plane = plane;
+    rti_for(b->opt, chunks, rti_kd_chunk_partition, b);
+    for (i = 0; i < chunks; i++) {
+        left += b->chunks[i].left;
+        right += b->chunks[i].right;
+    }
+    rti_kd_share(w, plane, left, right, parts);
+    rti_release(w->refs, user);
+    w->refs = NULL;
+    parts[0].refs = (rti_ref *)rti_alloc(left, sizeof(rti_ref), user);
+    parts[1].refs = (rti_ref *)rti_alloc(right, sizeof(rti_ref), user);
+    if (!parts[0].refs || !parts[1].refs) {
+        rti_release(parts[0].refs, user);
+        rti_release(parts[1].refs, user);
+        return false;
+    }
+    left = right = 0;
+    for (i = 0; i < chunks; i++) {
+        const size_t first = i * RTI_CHUNK, rest = w->count - first, n = rest < RTI_CHUNK ? rest : RTI_CHUNK;
+        memcpy(parts[0].refs + left, b->spare + 2 * first, b->chunks[i].left * sizeof(rti_ref));
+        memcpy(parts[1].refs + right, b->spare + 2 * first + n, b->chunks[i].right * sizeof(rti_ref));
+        left += b->chunks[i].left;
+        right += b->chunks[i].right;
+    }
+    return true;
+}
+
+/* Fills top and blocks. root's refs, like those of every node here, are an allocation of their own. */
+static bool rti_kd_build_top(rti_kdbuilder *b, const rti_kdwork *root)
+{
+    void *user = b->opt->memory_user;
+    rti_kdwork stack[RTI_MAX_DEPTH + 1], parts[2];
+    rti_kdplane plane;
+    size_t waiting = 0;
+    int top = 0;
+    bool good = true;
+    stack[top++] = *root;
+    b->top_count = 2;
+    while (top && good) {
+        rti_kdwork w = stack[--top];
+        if (w.count <= RTI_KD_TASK) {
+            b->lanes[waiting++].work = w;
+        } else if (rti_kd_plane(b, &w, b, &plane) && rti_kd_affords(&w, &plane)) {
+            void *array = b->top;
+            good = rti_kd_grow(&array, &b->top_limit, b->top_count + 2, sizeof(rti_kdnode), user);
+            b->top = (rti_kdnode *)array;
+            if (!good || !(good = rti_kd_split(b, &w, &plane, parts))) {
+                rti_release(w.refs, user);
+                break;
+            }
+            rti_kd_set_inner(&b->top[w.node], &plane, b->top_count);
+            parts[0].node = (uint32_t)b->top_count;
+            parts[1].node = (uint32_t)b->top_count + 1;
+            b->top_count += 2;
+            stack[top++] = parts[1];
+            stack[top++] = parts[0];
+        } else {                            /* a great leaf: a block of its own */
+            good = rti_kd_new_block(b, w.node, 2, w.count);
+            if (good) {
+                rti_kdblock *block = &b->blocks[b->block_count - 1];
+                block->prim_count = 0;
+                rti_kd_set_leaf(b, block, &block->nodes[0], w.refs, w.count);
+            }
+            rti_release(w.refs, user);
+        }
+        if (good && waiting && (waiting == b->lane_count || !top)) {
+            good = rti_kd_run_lanes(b, waiting);
+            if (good) waiting = 0;
+        }
+    }
+    while (top) rti_release(stack[--top].refs, user);
+    while (waiting) rti_release(b->lanes[--waiting].work.refs, user);
+    return good;
+}
+
+/* ---- the finished tree */
+
+/* Joins top and blocks to kdnodes, and fills the slots. */
+static rt_status rti_kd_join(rt_accel *accel, const rti_kdbuilder *b)
+{
+    void *user = b->opt->memory_user;
+    size_t nodes = b->top_count, prims = 0, i, k, parts = 0;
+    uint32_t *all, *slot = NULL, next[RTI_KINDS] = { 0, 0, 0 };
+    bool good;
+    for (i = 0; i < b->block_count; i++) {
+        nodes += b->blocks[i].node_count - 2;
+        prims += b->blocks[i].prim_count;
+    }
+    accel->kdnodes = (rti_kdnode *)rti_alloc(nodes, sizeof(rti_kdnode), user);
+    all = (uint32_t *)rti_alloc(prims, sizeof(uint32_t), user);
+    if (b->mixed) slot = (uint32_t *)rti_alloc(prims, sizeof(uint32_t), user);
+    good = accel->kdnodes && all && (slot || !b->mixed);
+    if (good) {
+        memcpy(accel->kdnodes, b->top, b->top_count * sizeof(rti_kdnode));
+        accel->kdnodes[1] = accel->kdnodes[0];          /* never visited; but no byte of the tree is left to chance */
+        accel->kdnodes[1].as.count = 0;
+        accel->kdnodes[1].word = RTI_LEAF;
+        nodes = b->top_count;
+        prims = 0;
+        for (i = 0; i < b->block_count; i++) {
+            const rti_kdblock *block = &b->blocks[i];
+            for (k = 0; k < block->node_count; k++) {
+                rti_kdnode node = block->nodes[k];
+                if (k == 1) continue;
+                if ((node.word & 3) != RTI_LEAF) node.word += (uint32_t)(nodes - 2) << 2;
+                else {
+                    node.word += (uint32_t)prims << 2;
+                    if (node.as.count >> RTI_KIND_SHIFT == RTI_MIXED) parts += RTI_KINDS;
+                }
+                accel->kdnodes[k ? nodes - 2 + k : block->node] = node;
+            }
+            memcpy(all + prims, block->prims, block->prim_count * sizeof(uint32_t));
+            nodes += block->node_count - 2;
+            prims += block->prim_count;
+        }
+        accel->node_count = nodes;
+        accel->bytes += nodes * sizeof(rti_kdnode);
+        good = rti_fill_slots(accel, b->geo, b->opt, all, 1, prims);
+    }
+    if (good && b->mixed) {                 /* slots count each kind apart */
+        for (i = 0; i < prims; i++) slot[i] = next[rti_kind_of(b->geo, all[i])]++;
+        accel->kdparts = (rti_kdpart *)rti_alloc(parts, sizeof(rti_kdpart), user);
+        good = accel->kdparts != NULL;
+        for (i = 0; i < nodes && good; i++) {
+            rti_kdnode *node = &accel->kdnodes[i];
+            const size_t first = node->word >> 2, end = first + (node->as.count & RTI_COUNT_MASK);
+            size_t from = first, to;
+            if ((node->word & 3) != RTI_LEAF || first == end) continue;
+            if (node->as.count >> RTI_KIND_SHIFT != RTI_MIXED) {
+                node->word = slot[first] << 2 | RTI_LEAF;
+                continue;
+            }
+            node->word = (uint32_t)accel->kdpart_count << 2 | RTI_LEAF;
+            for (; from < end; from = to) {
+                const int kind = rti_kind_of(b->geo, all[from]);
+                rti_kdpart *part = &accel->kdparts[accel->kdpart_count++];
+                for (to = from; to < end && rti_kind_of(b->geo, all[to]) == kind; to++) {}
+                part->first = slot[from];
+                part->count = (uint32_t)kind << RTI_KIND_SHIFT | (uint32_t)(to - from);
+            }
+            node->as.count = (uint32_t)RTI_MIXED << RTI_KIND_SHIFT | (uint32_t)(accel->kdpart_count - (node->word >> 2));
+        }
+        accel->bytes += parts * sizeof(rti_kdpart);
+    }
+    rti_release(all, user);
+    rti_release(slot, user);
+    return good ? RT_OK : RT_ERROR_MEMORY;
+}
+
+/* Depth; and the box and the parent of every pair of children, unless they are left out. */
+static bool rti_kd_link(rt_accel *accel, const rt_build_options *opt)
+{
+    struct { uint32_t node; int depth; float bounds[6]; } stack[RTI_MAX_DEPTH + 1];
+    int top = 0, k;
+    if (!opt->no_backtrack) {
+        accel->kdlinks = (rti_kdlink *)rti_alloc(accel->node_count / 2, sizeof(rti_kdlink), opt->memory_user);
+        if (!accel->kdlinks) return false;
+        accel->bytes += accel->node_count / 2 * sizeof(rti_kdlink);
+        memset(accel->kdlinks, 0, sizeof(rti_kdlink));
+    }
+    stack[0].node = 0;
+    stack[0].depth = 0;
+    for (k = 0; k < 3; k++) {
+        stack[0].bounds[k] = accel->lower[k];
+        stack[0].bounds[3 + k] = accel->upper[k];
+    }
+    top = 1;
+    while (top) {
+        const uint32_t at = stack[--top].node;
+        const rti_kdnode *node = &accel->kdnodes[at];
+        const int depth = stack[top].depth, axis = (int)(node->word & 3);
+        const uint32_t child = node->word >> 2;
+        if (depth > accel->depth) accel->depth = depth;
+        if (axis == (int)RTI_LEAF) continue;
+        if (accel->kdlinks) {
+            memcpy(accel->kdlinks[child / 2].bounds, stack[top].bounds, sizeof stack[top].bounds);
+            accel->kdlinks[child / 2].parent = at;
+        }
+        stack[top + 1] = stack[top];
+        stack[top].node = child + 1;
+        stack[top].bounds[axis] = node->as.split;
+        stack[top++].depth = depth + 1;
+        stack[top].node = child;
+        stack[top].bounds[3 + axis] = node->as.split;
+        stack[top++].depth = depth + 1;
+    }
+    return true;
+}
+
+/* Takes over *refs, which is released. */
+static rt_status rti_build_kdtree(rt_accel *accel, const rt_geometry *geo, const rt_build_options *opt, rti_ref **refs, size_t count)
+{
+    void *user = opt->memory_user;
+    const double duplication = opt->max_duplication >= 1 ? (double)opt->max_duplication : RTI_DUPLICATION;
+    const size_t most = count < RTI_KD_TASK ? count : RTI_KD_TASK, room = (size_t)(duplication * (double)most) + 2;
+    const bool great = count > RTI_KD_TASK;
+    rti_kdbuilder b;
+    rti_kdwork root;
+    rt_status status = RT_ERROR_MEMORY;
+    size_t i;
+    int k;
+
+    memset(&b, 0, sizeof b);
+    memset(&root, 0, sizeof root);
+    b.geo = geo;
+    b.opt = opt;
+    b.traversal = opt->traversal_cost > 0 ? opt->traversal_cost : 1;
+    b.bonus = 1 - (opt->empty_bonus > 0 ? opt->empty_bonus : opt->empty_bonus < 0 ? 0 : 0.2f);
+    b.few = opt->quality == RT_BUILD_FAST ? 8 : opt->quality == RT_BUILD_HIGH ? RTI_KD_FEW : RTI_KD_FEW / 2;
+    b.max_depth = 16 + 2 * rti_ceil_log2(count) < RTI_MAX_DEPTH ? 16 + 2 * rti_ceil_log2(count) : RTI_MAX_DEPTH;
+    b.mixed = (geo->triangle_count != 0) + (rti_sphere_count(geo) != 0) + (rti_instance_count(geo) != 0) > 1;
+    root.refs = *refs;
+    root.count = count;
+    root.budget = (size_t)(duplication * (double)count);
+    if (root.budget > RTI_MAX_REFERENCES) root.budget = count > RTI_MAX_REFERENCES ? count : RTI_MAX_REFERENCES;
+    *refs = NULL;
+    for (k = 0; k < 3; k++) {
+        root.cell.lo[k] = RTI_INFINITY;
+        root.cell.hi[k] = -RTI_INFINITY;
+    }
+    for (i = 0; i < count; i++)
+        for (k = 0; k < 3; k++) {
+            if (root.refs[i].lo[k] < root.cell.lo[k]) root.cell.lo[k] = root.refs[i].lo[k];
+            if (root.refs[i].hi[k] > root.cell.hi[k]) root.cell.hi[k] = root.refs[i].hi[k];
+        }
+    memcpy(accel->lower, root.cell.lo, sizeof accel->lower);
+    memcpy(accel->upper, root.cell.hi, sizeof accel->upper);
+
+    b.lane_count = great && opt->parallel_for ? RTI_KD_LANES : 1;
+    b.lanes = (rti_kdlane *)rti_alloc(b.lane_count, sizeof(rti_kdlane), user);
+    b.top = (rti_kdnode *)rti_alloc(b.top_limit = 64, sizeof(rti_kdnode), user);
+    b.spare = (rti_ref *)rti_alloc(great ? count : 1, 2 * sizeof(rti_ref), user);
+    b.chunks = (rti_kdchunk *)rti_alloc(great ? rti_chunk_total(count) : 1, sizeof(rti_kdchunk), user);
+    if (b.lanes) memset(b.lanes, 0, b.lane_count * sizeof(rti_kdlane));
+    for (i = 0; b.lanes && i < b.lane_count; i++) {
+        rti_kdlane *lane = &b.lanes[i];
+        lane->refs = (rti_ref *)rti_alloc(room, sizeof(rti_ref), user);
+        lane->spare = (rti_ref *)rti_alloc(most + 1, sizeof(rti_ref), user);
+        lane->out.nodes = (rti_kdnode *)rti_alloc(2 * room + 2, sizeof(rti_kdnode), user);
+        lane->out.prims = (uint32_t *)rti_alloc(room, sizeof(uint32_t), user);
+        if (!lane->refs || !lane->spare || !lane->out.nodes || !lane->out.prims) goto out;
+    }
+    if (!b.lanes || !b.top || !b.spare || !b.chunks) goto out;
+    {
+        bool good = rti_kd_build_top(&b, &root);
+        root.refs = NULL;
+        if (!good) goto out;
+    }
+    rti_release(b.spare, user);
+    b.spare = NULL;
+    status = rti_kd_join(accel, &b);
+    if (status == RT_OK && !rti_kd_link(accel, opt)) status = RT_ERROR_MEMORY;
+out:
+    rti_release(root.refs, user);
+    for (i = 0; b.lanes && i < b.lane_count; i++) {
+        rti_release(b.lanes[i].refs, user);
+        rti_release(b.lanes[i].spare, user);
+        rti_release(b.lanes[i].out.nodes, user);
+        rti_release(b.lanes[i].out.prims, user);
+    }
+    for (i = 0; i < b.block_count; i++) {
+        rti_release(b.blocks[i].nodes, user);
+        rti_release(b.blocks[i].prims, user);
+    }
+    rti_release(b.lanes, user);
+    rti_release(b.blocks, user);
+    rti_release(b.top, user);
+    rti_release(b.spare, user);
+    rti_release(b.chunks, user);
+    return status;
+}
+
+#endif /* RTI_KDTREE */
+
+/* ---- >>build-any ---------------------------------------------------------------------------------------------------- */
+
+static rt_status rti_check_build_options(const rt_build_options *opt)
+{
+    if ((unsigned)opt->structure >= RT_STRUCTURE_COUNT)
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "structure %d is none of rt_structure", (int)opt->structure);
+    if ((unsigned)opt->quality > RT_BUILD_HIGH)
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "quality %d is none of rt_quality", (int)opt->quality);
+    if (!(opt->traversal_cost >= 0 && opt->traversal_cost <= 1e6f))
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "traversal_cost is %g: it must be 0 (the default) or up to 1e6",
+                        (double)opt->traversal_cost);
+    if (!(opt->empty_bonus <= 1))
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "empty_bonus is %g: it must be 0 (as 0.2), up to 1, or negative (none)",
+                        (double)opt->empty_bonus);
+    if (opt->max_duplication != 0 && !(opt->max_duplication >= 1 && opt->max_duplication <= RTI_MAX_DUPLICATION))
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "max_duplication is %g: it must be 0 (as %d) or between 1 and %d",
+                        (double)opt->max_duplication, RTI_DUPLICATION, RTI_MAX_DUPLICATION);
+    if (opt->structure != RT_BVH && (opt->structure != RT_KDTREE || !RTI_KDTREE))
+        return rti_fail(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "structure %s is not built%s", rti_structure_names[opt->structure],
+                        opt->structure == RT_KDTREE ? " (RT_NO_KDTREE)" : " yet");
+    return RT_OK;
+}
+
+static rt_status rti_build_tree_of(rt_accel *accel, const rt_geometry *geo, const rt_build_options *opt)
+{
+    rti_ref *refs = NULL;
+    size_t count = 0;
+    rt_status status = rti_gather_refs(accel, geo, opt, &refs, &count);
+    rti_set_root(accel);
+    if (status == RT_OK && count) {
+#if RTI_KDTREE
+        if (opt->structure == RT_KDTREE) status = rti_build_kdtree(accel, geo, opt, &refs, count);
+        else
+#endif
+            status = rti_build_bvh(accel, geo, opt, refs, count);
+    }
+    rti_release(refs, opt->memory_user);
+    if (status == RT_OK) rti_set_reach(accel);
+    return status == RT_ERROR_MEMORY ? rti_fail(opt->error, status, RT_NONE, "out of memory for %lu primitives",
+                                                (unsigned long)(geo->triangle_count + rti_sphere_count(geo) + rti_instance_count(geo)))
+                                     : status;
 }
 
 RT_API rt_status rt_build(rt_accel **out, const rt_geometry *geo, const rt_build_options *opt)
@@ -1636,13 +2706,7 @@ RT_API rt_status rt_build(rt_accel **out, const rt_geometry *geo, const rt_build
     }
     if (!out) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "out is NULL");
     *out = NULL;
-    if ((unsigned)opt->structure >= RT_STRUCTURE_COUNT)
-        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "structure %d is none of rt_structure", (int)opt->structure);
-    if ((unsigned)opt->quality > RT_BUILD_HIGH)
-        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "quality %d is none of rt_quality", (int)opt->quality);
-    if (opt->structure != RT_BVH)
-        return rti_fail(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "structure %s is not built yet", rti_structure_names[opt->structure]);
-    if ((status = rti_check_geometry(geo, opt->error)) != RT_OK) return status;
+    if ((status = rti_check_build_options(opt)) != RT_OK || (status = rti_check_geometry(geo, opt->error)) != RT_OK) return status;
 
     accel = (rt_accel *)rti_alloc(1, sizeof *accel, opt->memory_user);
     if (!accel) return rti_fail(opt->error, RT_ERROR_MEMORY, RT_NONE, "out of memory");
@@ -1662,7 +2726,7 @@ RT_API rt_status rt_build(rt_accel **out, const rt_geometry *geo, const rt_build
     accel->geo.instances = NULL;            /* always copied */
 #endif
     status = rti_number_instances(accel, geo, opt->error);
-    if (status == RT_OK) status = rti_build_bvh(accel, geo, opt);
+    if (status == RT_OK) status = rti_build_tree_of(accel, geo, opt);
     if (status != RT_OK) rti_free_accel(accel);
     else *out = accel;
     return status;
@@ -1707,6 +2771,9 @@ RT_API rt_status rt_refit_error(rt_accel *accel, const rt_geometry *geo, rt_erro
     rt_status status;
     if (!accel) return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "accel is NULL");
     if ((status = rti_check_geometry(geo, error)) != RT_OK) return status;
+    if (accel->structure != RT_BVH)
+        return rti_fail(error, RT_ERROR_UNSUPPORTED, RT_NONE, "a %s cannot be refitted: its planes cut primitives where they were; build "
+                        "a new one", rti_structure_names[accel->structure]);
     if (geo->triangle_count != accel->geo.triangle_count || rti_sphere_count(geo) != rti_sphere_count(&accel->geo) ||
         rti_instance_count(geo) != rti_instance_count(&accel->geo))
         return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "the counts differ from those accel was built from: build a new one");
@@ -1768,6 +2835,49 @@ RT_API rt_status rt_refit(rt_accel *accel, const rt_geometry *geo) { return rt_r
 
 /* ---- >>info --------------------------------------------------------------------------------------------------------- */
 
+#if RTI_KDTREE
+/* Primitives of a leaf, of whatever kinds. */
+static uint32_t rti_kd_leaf_count(const rt_accel *accel, const rti_kdnode *leaf)
+{
+    uint32_t count = leaf->as.count & RTI_COUNT_MASK, n = 0, i;
+    if (leaf->as.count >> RTI_KIND_SHIFT != RTI_MIXED) return count;
+    for (i = 0; i < count; i++) n += accel->kdparts[(leaf->word >> 2) + i].count & RTI_COUNT_MASK;
+    return n;
+}
+
+static void rti_kd_info(const rt_accel *accel, rt_info *info)
+{
+    struct { uint32_t node; rti_box box; } stack[RTI_MAX_DEPTH + 1];
+    double area;
+    int top = 0;
+    if (!accel->node_count) return;
+    info->nodes--;                          /* node 1 is none */
+    memset(&stack[0], 0, sizeof stack[0]);
+    memcpy(stack[0].box.lo, accel->lower, sizeof accel->lower);
+    memcpy(stack[0].box.hi, accel->upper, sizeof accel->upper);
+    area = rti_half_area(&stack[0].box);
+    for (top = 1; top;) {
+        const rti_kdnode *node = &accel->kdnodes[stack[--top].node];
+        const int axis = (int)(node->word & 3);
+        const double part = area > 0 ? rti_half_area(&stack[top].box) / area : 1;
+        if (axis == (int)RTI_LEAF) {
+            uint32_t count = rti_kd_leaf_count(accel, node);
+            info->leaves++;
+            info->empty_leaves += !count;
+            info->sah += part * (double)count;
+            if (count > info->max_leaf) info->max_leaf = count;
+            continue;
+        }
+        info->sah += part;
+        stack[top + 1] = stack[top];
+        stack[top].node = node->word >> 2;
+        stack[top++].box.hi[axis] = node->as.split;
+        stack[top].node = (node->word >> 2) + 1;
+        stack[top++].box.lo[axis] = node->as.split;
+    }
+}
+#endif
+
 RT_API void rt_get_info(const rt_accel *accel, rt_info *info)
 {
     double area = 0;
@@ -1788,6 +2898,13 @@ RT_API void rt_get_info(const rt_accel *accel, rt_info *info)
     info->upper.x = accel->upper[0];
     info->upper.y = accel->upper[1];
     info->upper.z = accel->upper[2];
+    for (i = 0; i < RTI_KINDS; i++) info->references += accel->slots[i];
+#if RTI_KDTREE
+    if (accel->structure == RT_KDTREE) {
+        rti_kd_info(accel, info);
+        return;
+    }
+#endif
     for (i = 0; i < accel->node_count; i++) {
         const rti_node *node = &accel->nodes[i];
         rti_box box;
@@ -1897,6 +3014,18 @@ RTI_INLINE int rti_bit_count(unsigned bits)
     for (; bits; bits &= bits - 1) n++;
     return n;
 }
+#if RTI_KDTREE
+RTI_INLINE int rti_highest_bit(uint64_t bits)           /* of at least one */
+{
+#if defined(__GNUC__) || defined(__clang__)
+    return 63 - __builtin_clzll(bits);
+#else
+    int n = 0;
+    while (bits >>= 1) n++;
+    return n;
+#endif
+}
+#endif
 RTI_INLINE int rti_lowest_bit(unsigned bits)
 {
     int n = 0;
@@ -1960,8 +3089,9 @@ RTI_INLINE int rti_lowest_bit(unsigned bits)
 
 /* The code behind RT_ALGORITHM_LIST: which of them are built, and from which widths. */
 static const rt_algorithm_info rti_algorithms[] = {
-#define RTI_BUILT(a) ((a) == RT_AUTO || (a) == RT_BVH_STACK || (RTI_PACKETS && (a) == RT_BVH_SIMD))
-#define RTI_PACKET(a) (RTI_PACKETS && ((a) == RT_AUTO || (a) == RT_BVH_SIMD))
+#define RTI_BUILT(a) ((a) == RT_AUTO || (a) == RT_BVH_STACK || (RTI_PACKETS && (a) == RT_BVH_SIMD) || \
+                      (RTI_KDTREE && (a) >= RT_KD_STACK && (a) <= RT_KD_BACKTRACK))
+#define RTI_PACKET(a) (RTI_PACKETS && ((a) == RT_AUTO || (a) == RT_BVH_SIMD || (RTI_KDTREE && (a) >= RT_KD_STACK && (a) < RT_KD_BACKTRACK)))
 #define RTI_ROW(name, text, structure, what) { text, what, name, structure, RTI_BUILT(name), RTI_PACKET(name) },
     RT_ALGORITHM_LIST(RTI_ROW)
 };
@@ -1980,7 +3110,7 @@ RT_API rt_isa rt_best_isa(void)
 /* The batch function for width rays side by side, in the rt_packet_widths sense; NULL: not on this processor or with this isa. */
 static rti_batch_function rti_batch_of(rt_algorithm algorithm, int width, rt_isa isa)
 {
-    bool single = algorithm == RT_AUTO || algorithm == RT_BVH_STACK, packet = rti_algorithms[algorithm].packets;
+    bool single = algorithm != RT_BVH_SIMD && rti_algorithms[algorithm].built, packet = rti_algorithms[algorithm].packets;
     if (isa == RT_ISA_AUTO) isa = rt_best_isa();
 #if RTI_X86 && !RTI_MSVC
     if (single && width == 1 && isa == RT_ISA_AVX2) return rti_batch_1_avx2;
@@ -2024,7 +3154,7 @@ RT_API const char *rt_status_string(rt_status status)
 RT_API bool rt_intersect(const rt_accel *accel, const rt_ray *ray, rt_hit *hit)
 {
     static const rti_job job = { RT_CLOSEST, NULL, RT_KD_STACK, 0 };
-    rti_batch_of(RT_BVH_STACK, 1, RT_ISA_AUTO)(accel, &job, ray, 1, hit);
+    rti_batch_of(RT_AUTO, 1, RT_ISA_AUTO)(accel, &job, ray, 1, hit);
     return hit->prim != RT_NONE;
 }
 
@@ -2032,7 +3162,7 @@ RT_API bool rt_occluded(const rt_accel *accel, const rt_ray *ray)
 {
     static const rti_job job = { RT_ANY, NULL, RT_KD_STACK, 0 };
     rt_hit hit;
-    rti_batch_of(RT_BVH_STACK, 1, RT_ISA_AUTO)(accel, &job, ray, 1, &hit);
+    rti_batch_of(RT_AUTO, 1, RT_ISA_AUTO)(accel, &job, ray, 1, &hit);
     return hit.prim != RT_NONE;
 }
 
@@ -2066,6 +3196,11 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s is for a %s; this accel is a %s and takes: %s", info->name,
                         rti_structure_names[info->structure], rti_structure_names[accel->structure], list);
     }
+#if RTI_KDTREE
+    if (opt->algorithm == RT_KD_BACKTRACK && accel->node_count && !accel->kdlinks)
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s needs parent links, which this accel was built without "
+                        "(no_backtrack)", info->name);
+#endif
     if (opt->short_stack < 0 || opt->short_stack > RT_MAX_SHORT_STACK)
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "short_stack is %d: it must be 0 (as 3) or between 1 and %d entries",
                         opt->short_stack, RT_MAX_SHORT_STACK);
@@ -2464,6 +3599,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_cross_slab RTI_NAME_(rti_cross_slab)
 #define rti_hit_box RTI_NAME_(rti_hit_box)
 #define rti_slabs RTI_NAME_(rti_slabs)
+#define rti_make_slabs RTI_NAME_(rti_make_slabs)
 #define rti_accept RTI_NAME_(rti_accept)
 #define rti_edge RTI_NAME_(rti_edge)
 #define rti_edge_exact RTI_NAME_(rti_edge_exact)
@@ -2481,6 +3617,26 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_walk_any_all RTI_NAME_(rti_walk_any_all)
 #define rti_walk_closest_count RTI_NAME_(rti_walk_closest_count)
 #define rti_walk_any_count RTI_NAME_(rti_walk_any_count)
+#define rti_kdstate RTI_NAME_(rti_kdstate)
+#define rti_kdray RTI_NAME_(rti_kdray)
+#define rti_kdring RTI_NAME_(rti_kdring)
+#define rti_kd_push RTI_NAME_(rti_kd_push)
+#define rti_kd_cross RTI_NAME_(rti_kd_cross)
+#define rti_kd_hit_leaf RTI_NAME_(rti_kd_hit_leaf)
+#define rti_kd_stack_body RTI_NAME_(rti_kd_stack_body)
+#define rti_kd_restart_body RTI_NAME_(rti_kd_restart_body)
+#define rti_kd_prepare RTI_NAME_(rti_kd_prepare)
+#define rti_kd_stack_closest RTI_NAME_(rti_kd_stack_closest)
+#define rti_kd_stack_any RTI_NAME_(rti_kd_stack_any)
+#define rti_kd_stack_closest_count RTI_NAME_(rti_kd_stack_closest_count)
+#define rti_kd_stack_any_count RTI_NAME_(rti_kd_stack_any_count)
+#define rti_kd_restart_closest RTI_NAME_(rti_kd_restart_closest)
+#define rti_kd_restart_any RTI_NAME_(rti_kd_restart_any)
+#define rti_kd_restart_closest_count RTI_NAME_(rti_kd_restart_closest_count)
+#define rti_kd_restart_any_count RTI_NAME_(rti_kd_restart_any_count)
+#define rti_kd_stack_closest_all RTI_NAME_(rti_kd_stack_closest_all)
+#define rti_kd_stack_any_all RTI_NAME_(rti_kd_stack_any_all)
+#define rti_kd_walk RTI_NAME_(rti_kd_walk)
 #define rti_batch RTI_NAME_(rti_batch)
 #define RTI_FN RTI_INLINE RTI_TARGET
 #define RTI_ALL_LANES ((1u << RTI_WIDTH) - 1)
@@ -2840,29 +3996,41 @@ RTI_FN rti_slab rti_make_slab(const rti_packet *p, int axis, bool uniform)
     return s;
 }
 
-RTI_FN void rti_cross_slab(const rti_slab *s, const rti_node *node, bool uniform, rti_v *enter, rti_v *leave)
+RTI_FN void rti_cross_slab(const rti_slab *s, const float bounds[6], bool uniform, rti_v *enter, rti_v *leave)
 {
-    rti_v a = rti_vplane(node->bounds[s->near_plane], s->near_org, s->rdir);
-    rti_v b = rti_vplane(node->bounds[s->far_plane], s->far_org, s->rdir);
+    rti_v a = rti_vplane(bounds[s->near_plane], s->near_org, s->rdir);
+    rti_v b = rti_vplane(bounds[s->far_plane], s->far_org, s->rdir);
     *enter = uniform ? a : rti_vmin(a, b);
     *leave = uniform ? b : rti_vmax(a, b);
 }
 
-/* Lanes whose ray meets the node's box between tmin and tmax, and where they enter it. */
-RTI_FN unsigned rti_hit_box(const rti_slabs *s, const rti_node *node, rti_v tmax, rti_v *enter)
+/* Lanes whose ray meets the box between tmin and tmax, where they enter it and where they leave it. */
+RTI_FN unsigned rti_hit_box(const rti_slabs *s, const float bounds[6], rti_v tmax, rti_v *enter, rti_v *leave)
 {
     rti_v x0, x1, y0, y1, z0, z1;
     if (s->uniform) {
-        rti_cross_slab(&s->x, node, true, &x0, &x1);
-        rti_cross_slab(&s->y, node, true, &y0, &y1);
-        rti_cross_slab(&s->z, node, true, &z0, &z1);
+        rti_cross_slab(&s->x, bounds, true, &x0, &x1);
+        rti_cross_slab(&s->y, bounds, true, &y0, &y1);
+        rti_cross_slab(&s->z, bounds, true, &z0, &z1);
     } else {
-        rti_cross_slab(&s->x, node, false, &x0, &x1);
-        rti_cross_slab(&s->y, node, false, &y0, &y1);
-        rti_cross_slab(&s->z, node, false, &z0, &z1);
+        rti_cross_slab(&s->x, bounds, false, &x0, &x1);
+        rti_cross_slab(&s->y, bounds, false, &y0, &y1);
+        rti_cross_slab(&s->z, bounds, false, &z0, &z1);
     }
     *enter = rti_vmax(rti_vmax(x0, y0), rti_vmax(z0, s->tmin));
-    return rti_vle(*enter, rti_vmin(rti_vmin(x1, y1), rti_vmin(z1, tmax)));
+    *leave = rti_vmin(rti_vmin(x1, y1), rti_vmin(z1, tmax));
+    return rti_vle(*enter, *leave);
+}
+
+RTI_FN rti_slabs rti_make_slabs(const rti_packet *p)
+{
+    rti_slabs s;
+    s.uniform = RTI_WIDTH == 1 || p->uniform;
+    s.tmin = rti_vload(p->tmin);
+    s.x = rti_make_slab(p, 0, s.uniform);
+    s.y = rti_make_slab(p, 1, s.uniform);
+    s.z = rti_make_slab(p, 2, s.uniform);
+    return s;
 }
 
 /* ---- >>primitives --------------------------------------------------------------------------------------------------- */
@@ -3103,20 +4271,16 @@ RTI_FN unsigned rti_walk_body(const rt_accel *accel, rti_packet *p, unsigned liv
     struct { const rti_node *node; rti_v enter; } stack[RTI_MAX_DEPTH];
     unsigned stack_lanes[RTI_MAX_DEPTH];
     const rti_node *const nodes = accel->nodes, *node = nodes;
-    rti_slabs s;
+    const rti_slabs s = rti_make_slabs(p);
     unsigned found = 0, lanes = live;
     int top = 0;
     (void)job;
-    s.uniform = RTI_WIDTH == 1 || p->uniform;
-    s.tmin = rti_vload(p->tmin);
-    s.x = rti_make_slab(p, 0, s.uniform);
-    s.y = rti_make_slab(p, 1, s.uniform);
-    s.z = rti_make_slab(p, 2, s.uniform);
     for (;;) {
         while (!node->count) {
             const rti_node *child = nodes + node->index;
-            rti_v best = rti_vload(p->t), enter0, enter1;
-            unsigned hit0 = rti_hit_box(&s, child, best, &enter0) & live, hit1 = rti_hit_box(&s, child + 1, best, &enter1) & live;
+            rti_v best = rti_vload(p->t), enter0, enter1, leave;
+            unsigned hit0 = rti_hit_box(&s, child->bounds, best, &enter0, &leave) & live;
+            unsigned hit1 = rti_hit_box(&s, child[1].bounds, best, &enter1, &leave) & live;
             unsigned both = hit0 & hit1;
             RTI_TALLY(job->stats, flags, nodes, rti_bit_count(lanes));
             RTI_TALLY(job->stats, flags, boxes, 2 * rti_bit_count(lanes));
@@ -3183,11 +4347,322 @@ RTI_WALK(rti_walk_any_count, RTI_WALK_COUNT | RTI_WALK_ALL | RTI_WALK_ANY)
 #endif
 #undef RTI_WALK
 
+#if RTI_KDTREE
+
+/* [Horn] A.1 to A.5 in two bodies: with a stack that holds every node that waits, and without one or with a short one, which restarts.
+   What differs from the paper, since its pseudo-code loses hits where rounding matters:
+
+   planes    A ray crosses a plane not at one t but from lo to hi, between which it is nearer to the plane than rounding can tell (the
+             pad of rti_prepare). The near child is left at hi and the far one entered at lo: a ray in the plane, or through an edge of
+             four cells, sees the cells on both sides of it. Comparisons are closed: cells of no depth are visited.
+   restarts  The paper goes on at tMin = the last leaf's tMax. Where intervals overlap that skips leaves; where the last leaf has no depth
+             it never ends. We keep which way we went: a bit a level, path, set for the far child, and another, open, where the far child
+             waits. To restart is to walk path again down to the deepest open level ([Laine]'s trail): the same nodes as the
+             paper's, no leaf twice and none left out.
+   early exit  A hit ends the search when it is nearer than where every node that waits is entered, not than the leaf's end: a hit in
+             another cell, found early, is good, and ties are left to those that wait.
+   packets   A lane is live where tmin <= tmax: masks follow from the intervals ([Horn] A.5 keeps them apart). Lanes whose ray goes the
+             other way than the first one's have near and far swapped; order does not matter to closest hits, only to speed. */
+
+typedef struct { const rti_kdnode *node; rti_v tmin, tmax; } rti_kdstate;
+
+/* What a ray needs to cross planes, by axis. */
+typedef struct {
+    rti_v rdir[3], near_org[3], far_org[3];
+    int side[3];                            /* 1 where the upper child is first */
+    unsigned backward[3];                   /* lanes that meet the other child first */
+    bool uniform;                           /* no lane does */
+} rti_kdray;
+
+RTI_FN rti_kdray rti_kd_prepare(const rti_packet *p, unsigned live)
+{
+    rti_kdray r;
+    int k;
+    r.uniform = true;
+    for (k = 0; k < 3; k++) {
+        const rti_v dir = rti_vload(p->dir[k]), lower = rti_vload(p->plane[0][k]), upper = rti_vload(p->plane[1][k]);
+        const unsigned negative = rti_vnegative(dir), first = live & (0u - live);
+        r.rdir[k] = rti_vload(p->rdir[k]);
+        r.side[k] = (negative & first) != 0;
+        r.near_org[k] = rti_vselect(negative, upper, lower);
+        r.far_org[k] = rti_vselect(negative, lower, upper);
+        r.backward[k] = r.side[k] ? ~negative & RTI_ALL_LANES : negative;
+        if (r.backward[k] & live) r.uniform = false;
+    }
+    return r;
+}
+
+/* Splits the interval [tmin, tmax] at a node's plane between its first and its second child. Answers whether any live lane wants the
+   first (1) and the second (2). */
+RTI_FN int rti_kd_cross(const rti_kdray *r, const rti_kdnode *nodes, const rti_kdstate *at, unsigned live, rti_kdstate *first,
+                        rti_kdstate *second)
+{
+    const int axis = (int)(at->node->word & 3);
+    const rti_kdnode *child = nodes + (at->node->word >> 2);
+    const rti_v lo = rti_vplane(at->node->as.split, r->near_org[axis], r->rdir[axis]);
+    const rti_v hi = rti_vplane(at->node->as.split, r->far_org[axis], r->rdir[axis]);
+    const rti_v until = rti_vmin(hi, at->tmax), from = rti_vmax(lo, at->tmin);
+    first->node = child + r->side[axis];
+    second->node = child + 1 - r->side[axis];
+    if (RTI_WIDTH == 1 || r->uniform) {
+        first->tmin = at->tmin;
+        first->tmax = until;
+        second->tmin = from;
+        second->tmax = at->tmax;
+    } else {
+        first->tmin = rti_vselect(r->backward[axis], from, at->tmin);
+        first->tmax = rti_vselect(r->backward[axis], at->tmax, until);
+        second->tmin = rti_vselect(r->backward[axis], at->tmin, from);
+        second->tmax = rti_vselect(r->backward[axis], until, at->tmax);
+    }
+    return (rti_vle(first->tmin, first->tmax) & live ? 1 : 0) | (rti_vle(second->tmin, second->tmax) & live ? 2 : 0);
+}
+
+#define RTI_KD_TALLY(at)                                                                                \
+    do {                                                                                                \
+        RTI_TALLY(job->stats, flags, nodes, rti_bit_count(rti_vle((at).tmin, (at).tmax) & live));       \
+        RTI_TALLY(job->stats, flags, active, rti_bit_count(rti_vle((at).tmin, (at).tmax) & live));      \
+        RTI_TALLY(job->stats, flags, steps, 1);                                                         \
+    } while (0)
+
+RTI_FN unsigned rti_kd_hit_leaf(const rt_accel *accel, rti_packet *p, unsigned lanes, const rti_kdnode *leaf, uint32_t inst,
+                                const int flags, const rti_job *job)
+{
+    const uint32_t first = leaf->word >> 2, count = leaf->as.count;
+    unsigned found = 0;
+    RTI_TALLY(job->stats, flags, leaves, rti_bit_count(lanes));
+    if (flags & RTI_WALK_ALL && RTI_UNLIKELY(count >> RTI_KIND_SHIFT == RTI_MIXED)) {
+        uint32_t i;
+        for (i = first; i < first + (count & RTI_COUNT_MASK) && lanes; i++) {
+            const unsigned hit = rti_hit_leaf(accel, p, lanes, accel->kdparts[i].first, accel->kdparts[i].count, inst, flags, job);
+            found |= hit;
+            if (flags & RTI_WALK_ANY) lanes &= ~hit;
+        }
+        return found;
+    }
+    return count & RTI_COUNT_MASK ? rti_hit_leaf(accel, p, lanes, first, count, inst, flags, job) : 0;
+}
+
+RTI_FN unsigned rti_kd_stack_body(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const int flags, const rti_job *job)
+{
+    rti_kdstate stack[RTI_MAX_DEPTH], at, first, second;
+    const rti_kdnode *const nodes = accel->kdnodes;
+    const rti_slabs s = rti_make_slabs(p);
+    const rti_kdray r = rti_kd_prepare(p, live);
+    unsigned found = 0, lanes;
+    float bounds[6];
+    int top = 0;
+    (void)job;
+    memcpy(bounds, accel->lower, sizeof accel->lower);
+    memcpy(bounds + 3, accel->upper, sizeof accel->upper);
+    live &= rti_hit_box(&s, bounds, rti_vload(p->t), &at.tmin, &at.tmax);
+    if (!live) return 0;
+    at.node = nodes;
+    for (;;) {
+        while ((at.node->word & 3) != RTI_LEAF) {
+            const int wants = rti_kd_cross(&r, nodes, &at, live, &first, &second);
+            RTI_KD_TALLY(at);
+            if (wants == 1) at.node = first.node;           /* branches, not selects: the predicted child is fetched early */
+            else if (wants == 2) at.node = second.node;
+            else {
+                RT_ASSERT(top < RTI_MAX_DEPTH);
+                stack[top++] = second;
+                at = first;
+                RTI_TALLY(job->stats, flags, pushes, 1);
+            }
+        }
+        lanes = rti_vle(at.tmin, at.tmax) & live;
+        {
+            const unsigned hit = rti_kd_hit_leaf(accel, p, lanes, at.node, inst, flags, job);
+            found |= hit;
+            if (flags & RTI_WALK_ANY && !(live &= ~hit)) return found;
+        }
+        do {
+            if (!top) return found;
+            at = stack[--top];
+            if (!(flags & RTI_WALK_ANY)) at.tmax = rti_vmin(at.tmax, rti_vload(p->t));
+        } while (!(rti_vle(at.tmin, at.tmax) & live));
+    }
+}
+
+/* The short stack, a ring: a push on a full one drops its oldest entry. lost is where the first of the dropped is entered. */
+typedef struct {
+    struct { rti_kdstate state; int level; } entry[RT_MAX_SHORT_STACK];
+    int entries, held, top;                 /* its size, how many it holds, and where the next one goes */
+    rti_v lost;
+} rti_kdring;
+
+RTI_FN void rti_kd_push(rti_kdring *ring, const rti_kdstate *state, int level, const int flags, const rti_job *job)
+{
+    (void)flags, (void)job;
+    if (!ring->entries) {                   /* no stack at all: nothing is pushed */
+        ring->lost = rti_vmin(ring->lost, state->tmin);
+        return;
+    }
+    RTI_TALLY(job->stats, flags, pushes, 1);
+    if (ring->held < ring->entries) ring->held++;
+    else {
+        ring->lost = rti_vmin(ring->lost, ring->entry[ring->top].state.tmin);
+        RTI_TALLY(job->stats, flags, drops, 1);
+    }
+    ring->entry[ring->top].state = *state;
+    ring->entry[ring->top].level = level;
+    if (++ring->top == ring->entries) ring->top = 0;
+}
+
+/* RT_KD_RESTART and RT_KD_PUSHDOWN, whose stack has no entries; RT_KD_SHORTSTACK; and, for single rays, RT_KD_BACKTRACK, which climbs to
+   where the others restart. base is where restarts begin: the root or, but for RT_KD_RESTART, the lowest node that has nothing waiting
+   above it. */
+RTI_FN unsigned rti_kd_restart_body(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const int flags,
+                                    const rti_job *job)
+{
+    rti_kdring ring;
+    rti_kdstate at, first, second, base;
+    const rti_kdnode *const nodes = accel->kdnodes;
+    const rti_slabs s = rti_make_slabs(p);
+    const rti_kdray r = rti_kd_prepare(p, live);
+    const bool push_down = job->algorithm != RT_KD_RESTART, backtrack = RTI_WIDTH == 1 && job->algorithm == RT_KD_BACKTRACK;
+    uint64_t path = 0, open = 0;            /* bit l: at level l */
+    unsigned found = 0, lanes;
+    float bounds[6];
+    int level = 0, base_level = 0;
+    ring.entries = job->entries;
+    ring.held = ring.top = 0;
+    ring.lost = rti_vset(RTI_INFINITY);
+    memcpy(bounds, accel->lower, sizeof accel->lower);
+    memcpy(bounds + 3, accel->upper, sizeof accel->upper);
+    live &= rti_hit_box(&s, bounds, rti_vload(p->t), &at.tmin, &at.tmax);
+    if (!live) return 0;
+    at.node = nodes;
+    base = at;
+    for (;;) {
+        while ((at.node->word & 3) != RTI_LEAF) {
+            const uint64_t bit = (uint64_t)1 << level;
+            const int wants = rti_kd_cross(&r, nodes, &at, live, &first, &second);
+            RTI_KD_TALLY(at);
+            level++;
+            if (wants == 1) at = first;
+            else if (wants == 2) {
+                path |= bit;
+                at = second;
+            } else {
+                open |= bit;
+                rti_kd_push(&ring, &second, level, flags, job);
+                at = first;
+            }
+            if (push_down && !open) {
+                base = at;
+                base_level = level;
+            }
+        }
+        lanes = rti_vle(at.tmin, at.tmax) & live;
+        {
+            const unsigned hit = rti_kd_hit_leaf(accel, p, lanes, at.node, inst, flags, job);
+            found |= hit;
+            if (flags & RTI_WALK_ANY && !(live &= ~hit)) return found;
+        }
+        do {
+            const rti_v best = rti_vload(p->t);
+            if (ring.held) {
+                ring.held--;
+                ring.top = (ring.top ? ring.top : ring.entries) - 1;
+                at = ring.entry[ring.top].state;
+                level = ring.entry[ring.top].level;
+                at.tmax = rti_vmin(at.tmax, best);
+                open &= ~((uint64_t)1 << (level - 1));
+                path = (path & (((uint64_t)1 << (level - 1)) - 1)) | (uint64_t)1 << (level - 1);
+            } else {
+                uint64_t bit;
+                int next;
+                if (!open || !(rti_vle(ring.lost, best) & live)) return found;
+                next = 1 + rti_highest_bit(open);
+                bit = (uint64_t)1 << (next - 1);
+                open &= ~bit;
+                path = (path & (bit - 1)) | bit;
+                if (backtrack) {
+                    uint32_t i = (uint32_t)(at.node - nodes);
+                    for (; level >= next; level--) {
+                        i = accel->kdlinks[i / 2].parent;
+                        RTI_TALLY(job->stats, flags, nodes, 1);
+                    }
+                    at.node = nodes + i;
+                    (void)rti_hit_box(&s, accel->kdlinks[(at.node->word >> 2) / 2].bounds, best, &at.tmin, &at.tmax);
+                } else {
+                    RTI_TALLY(job->stats, flags, restarts, 1);
+                    at = base;
+                    level = base_level;
+                    ring.lost = rti_vset(RTI_INFINITY);
+                }
+                at.tmax = rti_vmin(at.tmax, best);
+                while (level < next) {      /* path again, to the far child at its end */
+                    bit = (uint64_t)1 << level;
+                    (void)rti_kd_cross(&r, nodes, &at, live, &first, &second);
+                    RTI_KD_TALLY(at);
+                    level++;
+                    if (path & bit) at = second;
+                    else {
+                        if (open & bit) rti_kd_push(&ring, &second, level, flags, job);
+                        at = first;
+                    }
+                    if (push_down && !(open & (bit | (bit - 1)))) {
+                        base = at;
+                        base_level = level;
+                    }
+                }
+            }
+        } while (!(rti_vle(at.tmin, at.tmax) & live));
+    }
+}
+
+#define RTI_KD_WALK(name, body, constants)                                                                                       \
+    RTI_NOINLINE RTI_TARGET unsigned name(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job) \
+    {                                                                                                                            \
+        return body(accel, p, live, inst, constants, job);                                                                       \
+    }
+RTI_KD_WALK(rti_kd_stack_closest, rti_kd_stack_body, 0)
+RTI_KD_WALK(rti_kd_stack_any, rti_kd_stack_body, RTI_WALK_ANY)
+#if RTI_SPHERES || RTI_INSTANCES
+RTI_KD_WALK(rti_kd_stack_closest_all, rti_kd_stack_body, RTI_WALK_ALL)
+RTI_KD_WALK(rti_kd_stack_any_all, rti_kd_stack_body, RTI_WALK_ALL | RTI_WALK_ANY)
+#endif
+RTI_KD_WALK(rti_kd_restart_closest, rti_kd_restart_body, RTI_WALK_ALL)
+RTI_KD_WALK(rti_kd_restart_any, rti_kd_restart_body, RTI_WALK_ALL | RTI_WALK_ANY)
+#if RTI_STATS
+RTI_KD_WALK(rti_kd_stack_closest_count, rti_kd_stack_body, RTI_WALK_COUNT | RTI_WALK_ALL)
+RTI_KD_WALK(rti_kd_stack_any_count, rti_kd_stack_body, RTI_WALK_COUNT | RTI_WALK_ALL | RTI_WALK_ANY)
+RTI_KD_WALK(rti_kd_restart_closest_count, rti_kd_restart_body, RTI_WALK_COUNT | RTI_WALK_ALL)
+RTI_KD_WALK(rti_kd_restart_any_count, rti_kd_restart_body, RTI_WALK_COUNT | RTI_WALK_ALL | RTI_WALK_ANY)
+#endif
+#undef RTI_KD_WALK
+#undef RTI_KD_TALLY
+
+RTI_FN unsigned rti_kd_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
+{
+    const bool any = job->query == RT_ANY, stack = job->algorithm == RT_KD_STACK || (job->algorithm == RT_KD_BACKTRACK && !accel->kdlinks);
+#if RTI_STATS
+    if (job->stats && stack)
+        return any ? rti_kd_stack_any_count(accel, p, live, inst, job) : rti_kd_stack_closest_count(accel, p, live, inst, job);
+    if (job->stats)
+        return any ? rti_kd_restart_any_count(accel, p, live, inst, job) : rti_kd_restart_closest_count(accel, p, live, inst, job);
+#endif
+    if (!stack) return any ? rti_kd_restart_any(accel, p, live, inst, job) : rti_kd_restart_closest(accel, p, live, inst, job);
+#if RTI_SPHERES || RTI_INSTANCES
+    if (accel->slots[RTI_SPHERE] || accel->slots[RTI_INSTANCE])
+        return any ? rti_kd_stack_any_all(accel, p, live, inst, job) : rti_kd_stack_closest_all(accel, p, live, inst, job);
+#endif
+    return any ? rti_kd_stack_any(accel, p, live, inst, job) : rti_kd_stack_closest(accel, p, live, inst, job);
+}
+
+#endif /* RTI_KDTREE */
+
 /* Leaves out what this accel does not have. */
 RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
 {
     const bool any = job->query == RT_ANY;
     if (!accel->node_count || !live) return 0;
+#if RTI_KDTREE
+    if (accel->structure == RT_KDTREE) return rti_kd_walk(accel, p, live, inst, job);
+#endif
 #if RTI_STATS
     if (job->stats) return any ? rti_walk_any_count(accel, p, live, inst, job) : rti_walk_closest_count(accel, p, live, inst, job);
 #endif
@@ -3275,6 +4750,7 @@ RTI_NOINLINE RTI_TARGET void rti_batch(const rt_accel *accel, const rti_job *job
 #undef rti_cross_slab
 #undef rti_hit_box
 #undef rti_slabs
+#undef rti_make_slabs
 #undef rti_accept
 #undef rti_edge
 #undef rti_edge_exact
@@ -3292,6 +4768,26 @@ RTI_NOINLINE RTI_TARGET void rti_batch(const rt_accel *accel, const rti_job *job
 #undef rti_walk_any_all
 #undef rti_walk_closest_count
 #undef rti_walk_any_count
+#undef rti_kdstate
+#undef rti_kdray
+#undef rti_kdring
+#undef rti_kd_push
+#undef rti_kd_cross
+#undef rti_kd_hit_leaf
+#undef rti_kd_stack_body
+#undef rti_kd_restart_body
+#undef rti_kd_prepare
+#undef rti_kd_stack_closest
+#undef rti_kd_stack_any
+#undef rti_kd_stack_closest_count
+#undef rti_kd_stack_any_count
+#undef rti_kd_restart_closest
+#undef rti_kd_restart_any
+#undef rti_kd_restart_closest_count
+#undef rti_kd_restart_any_count
+#undef rti_kd_stack_closest_all
+#undef rti_kd_stack_any_all
+#undef rti_kd_walk
 #undef rti_batch
 #undef RTI_FN
 #undef RTI_ALL_LANES

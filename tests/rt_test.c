@@ -905,7 +905,7 @@ static void rtt_check_accel(const char *what, const rt_accel *accel, const rt_ge
     rt_get_info(accel, &info);
     if (info.triangles != geometry->triangle_count || info.spheres != geometry->sphere_count || info.instances != geometry->instance_count)
         rtt_fail("%s: rt_info counts", what);
-    if (info.leaves > info.nodes || info.nodes > 2 * prims + 1 || info.max_leaf > prims || info.depth < 0 || info.depth > RTI_MAX_DEPTH
+    if (info.leaves > info.nodes || info.nodes > (info.structure == RT_BVH ? 2 : 8) * prims + 1 || info.max_leaf > prims || info.depth < 0 || info.depth > RTI_MAX_DEPTH
         || !(info.sah >= 0))
         rtt_fail("%s: rt_info: %zu nodes, %zu leaves, leaf of %zu, depth %d, sah %g", what, info.nodes, info.leaves, info.max_leaf,
                  info.depth, info.sah);
@@ -2813,7 +2813,7 @@ static void rtt_test_trace_options(void)
     const rt_algorithm_info *info;
     rt_trace_options options;
     rt_geometry geometry;
-    rt_accel *accel;
+    rt_accel *accel, *accels[RT_STRUCTURE_COUNT] = { NULL };
     rt_ray ray = { { 0.2f, 0.2f, 1 }, 0, { 0, 0, -1 }, INFINITY };
     rt_hit hit;
 
@@ -2821,8 +2821,15 @@ static void rtt_test_trace_options(void)
     geometry.vertices = triangle;
     geometry.vertex_count = 3;
     geometry.triangle_count = 1;
-    if (!CHECK_STATUS(rt_build(&accel, &geometry, NULL), RT_OK))
-        return;
+    for (int s = 0; s < RT_STRUCTURE_COUNT; s++) {
+        rt_build_options build;
+
+        memset(&build, 0, sizeof build);
+        build.structure = (rt_structure)s;
+        if (rtt_structure_built(build.structure) && !CHECK_STATUS(rt_build(&accels[s], &geometry, &build), RT_OK))
+            return;
+    }
+    accel = accels[RT_BVH];
     for (size_t i = 0; (info = rt_algorithm_get(i)) != NULL; i++) {
         int widths[64], unset = 0x5a5a;
         size_t count = rt_packet_widths(info->algorithm, widths, RTT_COUNT(widths));
@@ -2838,6 +2845,7 @@ static void rtt_test_trace_options(void)
             continue;
         }
         CHECK(count > 0);
+        accel = accels[info->structure == RT_STRUCTURE_COUNT ? RT_BVH : info->structure];
         if (count > 1) {                    /* no more is written than there is room for */
             int room[2] = { unset, unset };
 
@@ -2874,6 +2882,7 @@ static void rtt_test_trace_options(void)
                 rtt_refused(accel, options, RT_ERROR_UNSUPPORTED, rtt_isa_names[isa]);
         }
     }
+    accel = accels[RT_BVH];
     CHECK(rt_algorithm_get(RT_ALGORITHM_COUNT) == NULL && rt_algorithm_get(SIZE_MAX) == NULL);
     CHECK(rt_packet_widths((rt_algorithm)RT_ALGORITHM_COUNT, NULL, 0) == 0);
     for (int bad = 0; bad < 8; bad++) {
@@ -2896,7 +2905,8 @@ static void rtt_test_trace_options(void)
     CHECK_STATUS(rt_trace(NULL, &options, &ray, 1, &hit), RT_ERROR_ARGUMENT);
     CHECK_STATUS(rt_trace(accel, &options, NULL, 1, &hit), RT_ERROR_ARGUMENT);
     CHECK_STATUS(rt_trace(accel, &options, &ray, 1, NULL), RT_ERROR_ARGUMENT);
-    rt_free(accel);
+    for (int s = 0; s < RT_STRUCTURE_COUNT; s++)
+        rt_free(accels[s]);
 }
 
 static void rtt_test_build_options(void)
@@ -3168,7 +3178,7 @@ static void rtt_test_render(void)
             rt_ray_counts counts = { 0, 0 }, sum = { 0, 0 };
             uint32_t order[64];
 
-            if (w < rtt_way_count && rtt_ways[w].structure != RT_STRUCTURE_COUNT && rtt_ways[w].structure != RT_BVH)
+            if (w > 0 && rtt_ways[w - 1].structure != RT_STRUCTURE_COUNT && rtt_ways[w - 1].structure != RT_BVH)
                 continue;
             memset(&options, 0, sizeof options);
             options.width = WIDTH, options.height = HEIGHT;
