@@ -196,7 +196,7 @@ typedef struct {
     float traversal_cost;                   /* of a node, in primitive tests; 0 = 1.2 for RT_BVH, 1 for RT_KDTREE ([Horn] 4) */
     float empty_bonus;                      /* RT_KDTREE: the part of its cost that a split which cuts off empty space is let off, up to 1;
                                                0 = 0.2, negative: none */
-    float max_duplication;                  /* RT_KDTREE: leaves refer to a primitive at most so many times on average, >= 1; 0 = 4.
+    float max_duplication;                  /* RT_KDTREE: leaves refer to a primitive at most so many times on average, >= 1; 0 = 5.
                                                Where the limit is reached leaves just get fuller */
     bool no_backtrack;                      /* RT_KDTREE: leave out the parent links and boxes that only RT_KD_BACKTRACK reads */
     rt_parallel_for parallel_for;           /* NULL: build on this thread. The tree is the same, bit for bit */
@@ -631,17 +631,26 @@ enum { RTI_TRIANGLE, RTI_SPHERE, RTI_INSTANCE, RTI_KINDS };
 typedef struct { float bounds[6]; uint32_t index, count; } rti_node;
 /* k-d tree node, 8 bytes
      split  inner: where the plane stands                    count  leaf: kind << 28 | number of primitives
-     word   bits 0-1: the plane's axis, or 3 for a leaf      bits 2-31: inner: first of two children; leaf: first slot
+     word   bits 0-1: the plane's axis, or 3 for a leaf
+            inner: bit 2: the lower child is empty, bit 3: the upper child is; bits 4-31: half the index of the lower child
+            leaf: bits 2-31: where its entries of kdslots start; of a leaf with one primitive, that primitive's slot
    The root is node 0 and node 1 is left free: so children are 2 j and 2 j + 1, never in two cache lines, and what belongs to their
-   parent, links[j], is found from either. A leaf of kind RTI_MIXED holds several kinds: count and first are those of parts. */
+   parent, links[j], is found from either. A leaf of kind RTI_MIXED holds several kinds, one after the other. Entries of kdslots tell the
+   kind in their upper bits, as count does: a primitive in several leaves is stored once. */
 typedef struct { union { float split; uint32_t count; } as; uint32_t word; } rti_kdnode;
 typedef struct { float bounds[6]; uint32_t parent; } rti_kdlink;
-typedef struct { uint32_t first, count; } rti_kdpart;               /* slots of one kind; count as in a leaf */
 #define RTI_MIXED RTI_KINDS
 #define RTI_LEAF 3u                          /* the axis of leaves */
-#define RTI_DUPLICATION 4                    /* references a primitive: the default limit, */
+#define RTI_KD_LOWER_EMPTY 4u
+#define RTI_KD_UPPER_EMPTY 8u
+#define RTI_KD_EMPTY (RTI_KD_LOWER_EMPTY | RTI_KD_UPPER_EMPTY)
+#define RTI_KD_PAIR 4                        /* shift of the children's index / 2 */
+#define RTI_DUPLICATION 5                    /* references a primitive: the default limit, */
 #define RTI_MAX_DUPLICATION 64               /* and the greatest */
 #define RTI_MAX_REFERENCES ((size_t)1 << 28) /* of one tree: nodes and slots fit in 30 bits */
+
+RTI_INLINE bool rti_kd_empty(const rti_kdnode *node) { return (node->word & 3) == RTI_LEAF && !node->as.count; }
+RTI_INLINE uint32_t rti_kd_children(const rti_kdnode *node) { return (node->word & ~15u) / 8; }
 
 typedef struct { float v[9]; uint32_t prim; } rti_triangle;
 typedef struct { float center[3], radius; uint32_t prim; } rti_ball;
@@ -663,8 +672,9 @@ struct rt_accel {
 #if RTI_KDTREE
     rti_kdnode *kdnodes;                    /* RT_KDTREE: likewise */
     rti_kdlink *kdlinks;                    /* node_count / 2; NULL with opt->no_backtrack */
-    rti_kdpart *kdparts;                    /* of leaves with several kinds */
-    size_t kdpart_count;
+    uint32_t *kdslots;                      /* kdslot_count slots, of all leaves with more than one primitive */
+    size_t kdslot_count;
+    size_t references;                      /* from leaves to primitives */
 #endif
     rti_triangle *triangles;                /* in leaf order; or, with opt->reference: */
     uint32_t *triangle_ids;
@@ -908,11 +918,11 @@ static rt_status rti_check_geometry(const rt_geometry *geo, rt_error *error)
 }
 
 #if RTI_KDTREE
-/* Every node once, planes inside their cells, leaves that cover all slots in order, links and boxes right. */
+/* Every node once, planes in their cells, leaves that name slots that are there, links and boxes right. */
 static bool rti_kd_validate(const rt_accel *accel)
 {
     struct { uint32_t node; int depth; float bounds[6]; } stack[RTI_MAX_DEPTH + 1];
-    size_t seen[RTI_KINDS] = { 0, 0, 0 }, visited = 1, parts = 0, i;
+    size_t visited = 1, references = 0;
     int top = 1, deepest = 0, k;
     stack[0].node = 0;
     stack[0].depth = 0;
@@ -926,14 +936,17 @@ static bool rti_kd_validate(const rt_accel *accel)
         const int depth = stack[top].depth;
         const rti_kdnode *node = &accel->kdnodes[at];
         const int axis = (int)(node->word & 3);
-        uint32_t first = node->word >> 2;
+        const uint32_t first = axis == (int)RTI_LEAF ? node->word >> 2 : rti_kd_children(node);
         if (at >= accel->node_count || depth > RTI_MAX_DEPTH) return false;
         visited++;
         if (depth > deepest) deepest = depth;
         if (axis != (int)RTI_LEAF) {
             const float *bounds = stack[top].bounds;
-            if (!(node->as.split > bounds[axis] && node->as.split < bounds[3 + axis])) return false;
-            if ((first & 1) || first < 2 || first + 1 >= accel->node_count || top + 2 > RTI_MAX_DEPTH + 1) return false;
+            if (!(node->as.split >= bounds[axis] && node->as.split <= bounds[3 + axis])) return false;
+            if (first < 2 || first + 1 >= accel->node_count || top + 2 > RTI_MAX_DEPTH + 1) return false;
+            for (k = 0; k < 2; k++)
+                if (rti_kd_empty(&accel->kdnodes[first + (uint32_t)k]) != !!(node->word & (k ? RTI_KD_UPPER_EMPTY : RTI_KD_LOWER_EMPTY)))
+                    return false;
             if (accel->kdlinks && (accel->kdlinks[first / 2].parent != at || memcmp(accel->kdlinks[first / 2].bounds, bounds, 24)))
                 return false;
             stack[top + 1] = stack[top];
@@ -946,21 +959,18 @@ static bool rti_kd_validate(const rt_accel *accel)
             continue;
         }
         {
-            const bool mixed = node->as.count >> RTI_KIND_SHIFT == RTI_MIXED;
-            const uint32_t count = mixed ? node->as.count & RTI_COUNT_MASK : 1;
-            if (mixed && (count < 2 || first + count > accel->kdpart_count)) return false;
-            parts += mixed ? count : 0;
-            for (i = 0; i < count; i++) {   /* slots of one kind follow each other in the order of the nodes' making, not of this walk */
-                const uint32_t slot = mixed ? accel->kdparts[first + i].first : first;
-                const uint32_t n = mixed ? accel->kdparts[first + i].count : node->as.count, kind = n >> RTI_KIND_SHIFT;
-                if (kind >= RTI_KINDS || (n & RTI_COUNT_MASK && slot + (size_t)(n & RTI_COUNT_MASK) > accel->slots[kind])) return false;
-                seen[kind] += n & RTI_COUNT_MASK;
+            const uint32_t kind = node->as.count >> RTI_KIND_SHIFT, count = node->as.count & RTI_COUNT_MASK;
+            uint32_t i;
+            if (count > 1 && (size_t)first + count > accel->kdslot_count) return false;
+            for (i = 0; i < count; i++) {
+                const uint32_t entry = count > 1 ? accel->kdslots[first + i] : kind << RTI_KIND_SHIFT | first, is = entry >> RTI_KIND_SHIFT;
+                if (is >= RTI_KINDS || (entry & RTI_COUNT_MASK) >= accel->slots[is] || (kind != RTI_MIXED && is != kind)) return false;
+                if (kind == RTI_MIXED && i && is < accel->kdslots[first + i - 1] >> RTI_KIND_SHIFT) return false;
             }
+            references += count;
         }
     }
-    for (k = 0; k < RTI_KINDS; k++)
-        if (seen[k] != accel->slots[k]) return false;
-    return visited == accel->node_count && deepest == accel->depth && parts == accel->kdpart_count;
+    return visited == accel->node_count && deepest == accel->depth && references == accel->references;
 }
 #endif
 
@@ -1565,7 +1575,7 @@ static void rti_free_accel(rt_accel *accel)
 #if RTI_KDTREE
     rti_release(accel->kdnodes, user);
     rti_release(accel->kdlinks, user);
-    rti_release(accel->kdparts, user);
+    rti_release(accel->kdslots, user);
 #endif
     rti_release(accel->triangles, user);
     rti_release(accel->triangle_ids, user);
@@ -1762,8 +1772,8 @@ typedef struct { int axis; float at; bool planar_left; double cost; } rti_kdplan
 /* Cost of a split at distance x from the cell's lower plane: area(left) = x * slope + base, of a cell of area 1. */
 typedef struct { float slope[3], base[3], size[3]; float traversal, bonus; } rti_kdcost;
 
-typedef struct { float origin[4], scale[4]; } rti_kdgrid;           /* bin = (x - origin) * scale; scale 0: cannot be split */
-typedef struct { uint32_t starts[3][RTI_KD_BINS], ends[3][RTI_KD_BINS]; } rti_kdbins;
+typedef struct { float origin[4], scale[4], end[4]; } rti_kdgrid;   /* bin = (x - origin) * scale; scale 0: cannot be split */
+typedef struct { uint32_t starts[3][RTI_KD_BINS], ends[3][RTI_KD_BINS], walls[2][3]; } rti_kdbins;
 typedef struct { uint32_t starts[RTI_KD_BINS], ends[RTI_KD_BINS]; float first[RTI_KD_BINS], last[RTI_KD_BINS]; } rti_kdfine;
 typedef struct { rti_kdbins bins; rti_kdfine fine; size_t left, right; } rti_kdchunk;
 
@@ -1831,13 +1841,28 @@ RTI_INLINE void rti_kd_offer(rti_kdplane *best, const rti_kdcost *cost, const rt
                              float right, bool planar_left)
 {
     float price;
-    if (!(at > cell->lo[axis] && at < cell->hi[axis])) return;      /* a plane in the cell's wall cuts nothing off */
+    if (!(at > cell->lo[axis] && at < cell->hi[axis])) return;      /* a plane in the cell's wall: see rti_kd_offer_wall */
     price = rti_kd_price(cost, axis, at - cell->lo[axis], left, right);
     if ((double)price < best->cost) {
         best->cost = (double)price;
         best->axis = axis;
         best->at = at;
         best->planar_left = planar_left;
+    }
+}
+
+/* A plane in the cell's lower (0) or upper (1) wall cuts off a flat cell with what lies in that wall. */
+RTI_INLINE void rti_kd_offer_wall(rti_kdplane *best, const rti_kdcost *cost, const rti_kdcell *cell, int axis, int wall, float in_wall,
+                                  float others)
+{
+    float price;
+    if (!(in_wall > 0 && others > 0 && cost->size[axis] > 0)) return;
+    price = rti_kd_price(cost, axis, wall ? cost->size[axis] : 0, wall ? others : in_wall, wall ? in_wall : others);
+    if ((double)price < best->cost) {
+        best->cost = (double)price;
+        best->axis = axis;
+        best->at = wall ? cell->hi[axis] : cell->lo[axis];
+        best->planar_left = !wall;
     }
 }
 
@@ -1873,22 +1898,26 @@ static void rti_kd_try_all(const rti_kdwork *w, const rti_kdcost *cost, rti_kdpl
 {
     const size_t n = w->count;
     float lo[RTI_KD_FEW + 4], hi[RTI_KD_FEW + 4], planes[2 * RTI_KD_FEW + 4], left[4], right[4];
-    size_t i, j, m, flat;
+    size_t i, j, m, flat, in_wall[2];
     int axis;
     for (axis = 0; axis < 3; axis++) {
         const float low = w->cell.lo[axis], high = w->cell.hi[axis];
         if (!(high > low)) continue;
-        m = flat = 0;
+        m = flat = in_wall[0] = in_wall[1] = 0;
         for (i = 0; i < n; i++) {
             const float a = w->refs[i].lo[axis], c = w->refs[i].hi[axis];
             lo[i] = a;
             hi[i] = c;
             flat += a >= c;
+            in_wall[0] += c <= low;
+            in_wall[1] += a >= high;
             planes[m] = a;
             m += a > low && a < high && !(m && planes[m - 1] <= a && planes[m - 1] >= a);
             planes[m] = c;
             m += c > low && c < high && !(m && planes[m - 1] <= c && planes[m - 1] >= c);
         }
+        for (i = 0; i < 2; i++)
+            rti_kd_offer_wall(best, cost, &w->cell, axis, (int)i, (float)in_wall[i], (float)(n - in_wall[i]));
         for (j = 0; j < m; j += 4) {
             for (i = m; i < j + 4; i++) planes[i] = planes[m - 1];
             rti_kd_sides(lo, hi, n, planes + j, left, right);
@@ -1919,6 +1948,7 @@ static rti_kdgrid rti_kd_make_grid(const rti_kdcell *cell)
     for (k = 0; k < 3; k++) {
         float size = cell->hi[k] - cell->lo[k];
         grid.origin[k] = cell->lo[k];
+        grid.end[k] = cell->hi[k];
         grid.scale[k] = size > 1e-34f ? (float)RTI_KD_BINS / size : 0;          /* below, the quotient could overflow */
     }
     return grid;
@@ -1931,11 +1961,18 @@ static void rti_kd_count(const rti_kdgrid *grid, const rti_ref *refs, size_t cou
     for (i = 0; i < count; i++) {
 #if RTI_X86                                  /* the fourth lanes, ids that would be slow as floats, masked away */
         const __m128 xyz = _mm_castsi128_ps(_mm_set_epi32(0, -1, -1, -1)), most = _mm_set1_ps(RTI_KD_BINS - 1);
-        const __m128 origin = _mm_loadu_ps(grid->origin), scale = _mm_loadu_ps(grid->scale);
-        const __m128 lo = _mm_mul_ps(_mm_sub_ps(_mm_and_ps(_mm_loadu_ps(refs[i].lo), xyz), origin), scale);
-        const __m128 hi = _mm_mul_ps(_mm_sub_ps(_mm_and_ps(_mm_loadu_ps(refs[i].hi), xyz), origin), scale);
-        const __m128i a = _mm_cvttps_epi32(_mm_min_ps(_mm_max_ps(lo, _mm_setzero_ps()), most));
-        const __m128i c = _mm_cvttps_epi32(_mm_min_ps(_mm_max_ps(hi, _mm_setzero_ps()), most));
+        const __m128 origin = _mm_loadu_ps(grid->origin), scale = _mm_loadu_ps(grid->scale), end = _mm_loadu_ps(grid->end);
+        const __m128 lo = _mm_and_ps(_mm_loadu_ps(refs[i].lo), xyz), hi = _mm_and_ps(_mm_loadu_ps(refs[i].hi), xyz);
+        const __m128i a = _mm_cvttps_epi32(_mm_min_ps(_mm_max_ps(_mm_mul_ps(_mm_sub_ps(lo, origin), scale), _mm_setzero_ps()), most));
+        const __m128i c = _mm_cvttps_epi32(_mm_min_ps(_mm_max_ps(_mm_mul_ps(_mm_sub_ps(hi, origin), scale), _mm_setzero_ps()), most));
+        const int lower = _mm_movemask_ps(_mm_cmple_ps(hi, origin)) & 7, upper = _mm_movemask_ps(_mm_cmple_ps(end, lo)) & 7;
+        if (RTI_UNLIKELY(lower | upper)) {
+            int axis;
+            for (axis = 0; axis < 3; axis++) {
+                bins->walls[0][axis] += (uint32_t)(lower >> axis & 1);
+                bins->walls[1][axis] += (uint32_t)(upper >> axis & 1);
+            }
+        }
         bins->starts[0][_mm_extract_epi16(a, 0)]++;
         bins->starts[1][_mm_extract_epi16(a, 2)]++;
         bins->starts[2][_mm_extract_epi16(a, 4)]++;
@@ -1947,6 +1984,8 @@ static void rti_kd_count(const rti_kdgrid *grid, const rti_ref *refs, size_t cou
         for (axis = 0; axis < 3; axis++) {
             bins->starts[axis][rti_kd_bin_of(grid, axis, refs[i].lo[axis])]++;
             bins->ends[axis][rti_kd_bin_of(grid, axis, refs[i].hi[axis])]++;
+            bins->walls[0][axis] += refs[i].hi[axis] <= grid->origin[axis];
+            bins->walls[1][axis] += refs[i].lo[axis] >= grid->end[axis];
         }
 #endif
     }
@@ -2055,6 +2094,7 @@ static bool rti_kd_plane(const rti_kdbuilder *b, const rti_kdwork *w, rti_kdbuil
         const size_t chunks = chunked ? rti_chunk_total(w->count) : 1;
         rti_kdbins bins;
         rti_kdfine fine;
+        bool found;
         float left = 0, right = 0;
         size_t i;
         int axis, bin = 0, k;
@@ -2064,14 +2104,21 @@ static bool rti_kd_plane(const rti_kdbuilder *b, const rti_kdwork *w, rti_kdbuil
             rti_for(b->opt, chunks, rti_kd_chunk_count, chunked);
             bins = b->chunks[0].bins;
             for (i = 1; i < chunks; i++)
-                for (axis = 0; axis < 3; axis++)
+                for (axis = 0; axis < 3; axis++) {
                     for (k = 0; k < RTI_KD_BINS; k++) {
                         bins.starts[axis][k] += b->chunks[i].bins.starts[axis][k];
                         bins.ends[axis][k] += b->chunks[i].bins.ends[axis][k];
                     }
+                    bins.walls[0][axis] += b->chunks[i].bins.walls[0][axis];
+                    bins.walls[1][axis] += b->chunks[i].bins.walls[1][axis];
+                }
         } else rti_kd_count(&grid, w->refs, w->count, &bins);
-        if (!rti_kd_best_bin(&grid, &bins, w->count, w, &cost, best, &bin, &left, &right)) return false;
+        found = rti_kd_best_bin(&grid, &bins, w->count, w, &cost, best, &bin, &left, &right);
         axis = best->axis;
+        for (k = 0; k < 6; k++)
+            rti_kd_offer_wall(best, &cost, &w->cell, k % 3, k / 3, (float)bins.walls[k / 3][k % 3],
+                              (float)(w->count - bins.walls[k / 3][k % 3]));
+        if (!found) return best->cost < (double)w->count;
         if (chunked) {
             chunked->axis = axis;
             chunked->bin = bin;
@@ -2257,7 +2304,7 @@ static bool rti_kd_affords(const rti_kdwork *w, const rti_kdplane *plane)
 static void rti_kd_set_inner(rti_kdnode *node, const rti_kdplane *plane, size_t children)
 {
     node->as.split = plane->at;
-    node->word = (uint32_t)children << 2 | (uint32_t)plane->axis;
+    node->word = (uint32_t)(children / 2) << RTI_KD_PAIR | (uint32_t)plane->axis;
 }
 
 /* A leaf of refs, whose prims are appended to out; grouped by kind where the geometry has several. */
@@ -2455,79 +2502,72 @@ static bool rti_kd_build_top(rti_kdbuilder *b, const rti_kdwork *root)
 
 /* ---- the finished tree */
 
-/* Joins top and blocks to kdnodes, and fills the slots. */
+/* Joins top and blocks to kdnodes and kdslots, and fills the slots, in the order in which leaves first name them. */
 static rt_status rti_kd_join(rt_accel *accel, const rti_kdbuilder *b)
 {
     void *user = b->opt->memory_user;
-    size_t nodes = b->top_count, prims = 0, i, k, parts = 0;
-    uint32_t *all, *slot = NULL, next[RTI_KINDS] = { 0, 0, 0 };
+    const size_t total = b->geo->triangle_count + rti_sphere_count(b->geo) + rti_instance_count(b->geo);
+    size_t nodes = b->top_count, prims = 0, distinct = 0, i, k;
+    uint32_t *slots = NULL, *order = NULL, next[RTI_KINDS] = { 0, 0, 0 };
     bool good;
     for (i = 0; i < b->block_count; i++) {
         nodes += b->blocks[i].node_count - 2;
         prims += b->blocks[i].prim_count;
     }
+    accel->references = prims;
+    accel->node_count = nodes;
     accel->kdnodes = (rti_kdnode *)rti_alloc(nodes, sizeof(rti_kdnode), user);
-    all = (uint32_t *)rti_alloc(prims, sizeof(uint32_t), user);
-    if (b->mixed) slot = (uint32_t *)rti_alloc(prims, sizeof(uint32_t), user);
-    good = accel->kdnodes && all && (slot || !b->mixed);
+    for (i = 0; i < b->block_count; i++)    /* entries of leaves that need them */
+        for (k = 0; k < b->blocks[i].node_count; k++) {
+            const rti_kdnode *node = &b->blocks[i].nodes[k];
+            const uint32_t count = node->as.count & RTI_COUNT_MASK;
+            if (k != 1 && (node->word & 3) == RTI_LEAF && count > 1) accel->kdslot_count += count;
+        }
+    accel->kdslots = (uint32_t *)rti_alloc(accel->kdslot_count, sizeof(uint32_t), user);
+    slots = (uint32_t *)rti_alloc(total, sizeof(uint32_t), user);           /* of each primitive, */
+    order = (uint32_t *)rti_alloc(total, sizeof(uint32_t), user);           /* and the primitives in the order of their slots */
+    good = accel->kdnodes && accel->kdslots && slots && order;
     if (good) {
+        memset(slots, 0xff, total * sizeof(uint32_t));
         memcpy(accel->kdnodes, b->top, b->top_count * sizeof(rti_kdnode));
-        accel->kdnodes[1] = accel->kdnodes[0];          /* never visited; but no byte of the tree is left to chance */
-        accel->kdnodes[1].as.count = 0;
+        accel->kdnodes[1].as.count = 0;     /* never visited; but no byte of the tree is left to chance */
         accel->kdnodes[1].word = RTI_LEAF;
         nodes = b->top_count;
-        prims = 0;
+        accel->kdslot_count = 0;
         for (i = 0; i < b->block_count; i++) {
             const rti_kdblock *block = &b->blocks[i];
             for (k = 0; k < block->node_count; k++) {
                 rti_kdnode node = block->nodes[k];
                 if (k == 1) continue;
-                if ((node.word & 3) != RTI_LEAF) node.word += (uint32_t)(nodes - 2) << 2;
+                if ((node.word & 3) != RTI_LEAF) node.word += (uint32_t)(nodes / 2 - 1) << RTI_KD_PAIR;
                 else {
-                    node.word += (uint32_t)prims << 2;
-                    if (node.as.count >> RTI_KIND_SHIFT == RTI_MIXED) parts += RTI_KINDS;
+                    const uint32_t *from = block->prims + (node.word >> 2), count = node.as.count & RTI_COUNT_MASK;
+                    uint32_t n, entry = 0;
+                    node.word = (uint32_t)accel->kdslot_count << 2 | RTI_LEAF;
+                    for (n = 0; n < count; n++) {
+                        const int kind = rti_kind_of(b->geo, from[n]);
+                        if (slots[from[n]] == RT_NONE) {
+                            slots[from[n]] = (uint32_t)kind << RTI_KIND_SHIFT | next[kind]++;
+                            order[distinct++] = from[n];
+                        }
+                        entry = slots[from[n]];
+                        if (count > 1) accel->kdslots[accel->kdslot_count++] = entry;
+                    }
+                    if (count == 1) node.word = (entry & RTI_COUNT_MASK) << 2 | RTI_LEAF;
                 }
                 accel->kdnodes[k ? nodes - 2 + k : block->node] = node;
             }
-            memcpy(all + prims, block->prims, block->prim_count * sizeof(uint32_t));
             nodes += block->node_count - 2;
-            prims += block->prim_count;
         }
-        accel->node_count = nodes;
-        accel->bytes += nodes * sizeof(rti_kdnode);
-        good = rti_fill_slots(accel, b->geo, b->opt, all, 1, prims);
+        accel->bytes += nodes * sizeof(rti_kdnode) + accel->kdslot_count * sizeof(uint32_t);
+        good = rti_fill_slots(accel, b->geo, b->opt, order, 1, distinct);
     }
-    if (good && b->mixed) {                 /* slots count each kind apart */
-        for (i = 0; i < prims; i++) slot[i] = next[rti_kind_of(b->geo, all[i])]++;
-        accel->kdparts = (rti_kdpart *)rti_alloc(parts, sizeof(rti_kdpart), user);
-        good = accel->kdparts != NULL;
-        for (i = 0; i < nodes && good; i++) {
-            rti_kdnode *node = &accel->kdnodes[i];
-            const size_t first = node->word >> 2, end = first + (node->as.count & RTI_COUNT_MASK);
-            size_t from = first, to;
-            if ((node->word & 3) != RTI_LEAF || first == end) continue;
-            if (node->as.count >> RTI_KIND_SHIFT != RTI_MIXED) {
-                node->word = slot[first] << 2 | RTI_LEAF;
-                continue;
-            }
-            node->word = (uint32_t)accel->kdpart_count << 2 | RTI_LEAF;
-            for (; from < end; from = to) {
-                const int kind = rti_kind_of(b->geo, all[from]);
-                rti_kdpart *part = &accel->kdparts[accel->kdpart_count++];
-                for (to = from; to < end && rti_kind_of(b->geo, all[to]) == kind; to++) {}
-                part->first = slot[from];
-                part->count = (uint32_t)kind << RTI_KIND_SHIFT | (uint32_t)(to - from);
-            }
-            node->as.count = (uint32_t)RTI_MIXED << RTI_KIND_SHIFT | (uint32_t)(accel->kdpart_count - (node->word >> 2));
-        }
-        accel->bytes += parts * sizeof(rti_kdpart);
-    }
-    rti_release(all, user);
-    rti_release(slot, user);
+    rti_release(slots, user);
+    rti_release(order, user);
     return good ? RT_OK : RT_ERROR_MEMORY;
 }
 
-/* Depth; and the box and the parent of every pair of children, unless they are left out. */
+/* Depth, which children are empty, and, unless they are left out, the box and the parent of every pair of children. */
 static bool rti_kd_link(rt_accel *accel, const rt_build_options *opt)
 {
     struct { uint32_t node; int depth; float bounds[6]; } stack[RTI_MAX_DEPTH + 1];
@@ -2547,11 +2587,13 @@ static bool rti_kd_link(rt_accel *accel, const rt_build_options *opt)
     top = 1;
     while (top) {
         const uint32_t at = stack[--top].node;
-        const rti_kdnode *node = &accel->kdnodes[at];
+        rti_kdnode *node = &accel->kdnodes[at];
         const int depth = stack[top].depth, axis = (int)(node->word & 3);
-        const uint32_t child = node->word >> 2;
+        const uint32_t child = rti_kd_children(node);
         if (depth > accel->depth) accel->depth = depth;
         if (axis == (int)RTI_LEAF) continue;
+        for (k = 0; k < 2; k++)
+            if (rti_kd_empty(node + child - at + k)) node->word |= k ? RTI_KD_UPPER_EMPTY : RTI_KD_LOWER_EMPTY;
         if (accel->kdlinks) {
             memcpy(accel->kdlinks[child / 2].bounds, stack[top].bounds, sizeof stack[top].bounds);
             accel->kdlinks[child / 2].parent = at;
@@ -2836,15 +2878,6 @@ RT_API rt_status rt_refit(rt_accel *accel, const rt_geometry *geo) { return rt_r
 /* ---- >>info --------------------------------------------------------------------------------------------------------- */
 
 #if RTI_KDTREE
-/* Primitives of a leaf, of whatever kinds. */
-static uint32_t rti_kd_leaf_count(const rt_accel *accel, const rti_kdnode *leaf)
-{
-    uint32_t count = leaf->as.count & RTI_COUNT_MASK, n = 0, i;
-    if (leaf->as.count >> RTI_KIND_SHIFT != RTI_MIXED) return count;
-    for (i = 0; i < count; i++) n += accel->kdparts[(leaf->word >> 2) + i].count & RTI_COUNT_MASK;
-    return n;
-}
-
 static void rti_kd_info(const rt_accel *accel, rt_info *info)
 {
     struct { uint32_t node; rti_box box; } stack[RTI_MAX_DEPTH + 1];
@@ -2861,7 +2894,7 @@ static void rti_kd_info(const rt_accel *accel, rt_info *info)
         const int axis = (int)(node->word & 3);
         const double part = area > 0 ? rti_half_area(&stack[top].box) / area : 1;
         if (axis == (int)RTI_LEAF) {
-            uint32_t count = rti_kd_leaf_count(accel, node);
+            const uint32_t count = node->as.count & RTI_COUNT_MASK;
             info->leaves++;
             info->empty_leaves += !count;
             info->sah += part * (double)count;
@@ -2870,9 +2903,9 @@ static void rti_kd_info(const rt_accel *accel, rt_info *info)
         }
         info->sah += part;
         stack[top + 1] = stack[top];
-        stack[top].node = node->word >> 2;
+        stack[top].node = rti_kd_children(node);
         stack[top++].box.hi[axis] = node->as.split;
-        stack[top].node = (node->word >> 2) + 1;
+        stack[top].node = rti_kd_children(node) + 1;
         stack[top++].box.lo[axis] = node->as.split;
     }
 }
@@ -2901,6 +2934,7 @@ RT_API void rt_get_info(const rt_accel *accel, rt_info *info)
     for (i = 0; i < RTI_KINDS; i++) info->references += accel->slots[i];
 #if RTI_KDTREE
     if (accel->structure == RT_KDTREE) {
+        info->references = accel->references;
         rti_kd_info(accel, info);
         return;
     }
@@ -3007,6 +3041,9 @@ static void rti_set_any(rt_hit *hit)        /* the same from every algorithm, wh
     hit->prim = 0;
     hit->inst = RT_NONE;
 }
+
+/* The i-th primitive of a leaf: i itself, or what slots says; see rti_kdnode. */
+RTI_INLINE uint32_t rti_slot(const uint32_t *slots, uint32_t i) { return slots ? slots[i] & RTI_COUNT_MASK : i; }
 
 RTI_INLINE int rti_bit_count(unsigned bits)
 {
@@ -4071,8 +4108,8 @@ RTI_FN rti_d rti_edge_exact(rti_v ax, rti_v ay, rti_v bx, rti_v by)
    a 2D point that depends on ray and vertex alone, so triangles which share it agree about it to the last bit: nothing slips through.
    Float edge functions throw out most triangles; zeros, which may be wrong, count as inside. What is left is decided again, and its t, u,
    v computed, in double: exact signs, and weights that are good even for slivers and triangles seen edge-on. */
-RTI_FN unsigned rti_hit_triangles(const rt_accel *accel, rti_packet *p, unsigned lanes, uint32_t first, uint32_t count, uint32_t inst,
-                                  int flags)
+RTI_FN unsigned rti_hit_triangles(const rt_accel *accel, rti_packet *p, unsigned lanes, const uint32_t *slots, uint32_t first,
+                                  uint32_t count, uint32_t inst, int flags)
 {
     const uint32_t last = first + count;
     unsigned found = 0;
@@ -4091,14 +4128,15 @@ RTI_FN unsigned rti_hit_triangles(const rt_accel *accel, rti_packet *p, unsigned
         for (i = first; i < last && live; i++) {
             float gathered[9];
             const float *a = gathered;
+            const uint32_t slot = rti_slot(slots, i);
             uint32_t prim;
             rti_v az, bz, cz, ax, ay, bx, by, cx, cy, u, v, w;
             unsigned hit;
             if (accel->triangles) {
-                a = accel->triangles[i].v;
-                prim = accel->triangles[i].prim;
+                a = accel->triangles[slot].v;
+                prim = accel->triangles[slot].prim;
             } else {
-                prim = accel->triangle_ids[i];
+                prim = accel->triangle_ids[slot];
                 (void)rti_fetch_triangle(&accel->geo, prim, gathered);
             }
             az = rti_vsub(rti_vset(a[kz]), oz);
@@ -4147,8 +4185,8 @@ RTI_FN rti_d rti_dot_exact(const rti_d a[3], const rti_d b[3])
    least 2^-54 r^2: then root is large enough to keep c / q good to 2^-24 r, which the padding of the boxes covers. Where disc is 0 both
    roots are k; c / q would be noise over noise for a tangent that starts on the sphere.
    Not inlined, like instances: the two in every walk were a fifth of the code, and no faster. */
-RTI_NOINLINE RTI_TARGET unsigned rti_hit_spheres(const rt_accel *accel, rti_packet *p, unsigned lanes, uint32_t first, uint32_t count,
-                                                 uint32_t inst, int flags)
+RTI_NOINLINE RTI_TARGET unsigned rti_hit_spheres(const rt_accel *accel, rti_packet *p, unsigned lanes, const uint32_t *slots,
+                                                 uint32_t first, uint32_t count, uint32_t inst, int flags)
 {
     unsigned found = 0;
     uint32_t i;
@@ -4158,9 +4196,9 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_spheres(const rt_accel *accel, rti_pack
         rti_v tn, tf;
         unsigned hit, ahead, crosses;
         int axis;
-        if (accel->balls) b = &accel->balls[i];
+        if (accel->balls) b = &accel->balls[rti_slot(slots, i)];
         else {
-            ball.prim = accel->ball_ids[i];
+            ball.prim = accel->ball_ids[rti_slot(slots, i)];
             rti_fill_ball(&ball, &accel->geo);
         }
         for (axis = 0; axis < 3; axis++) {
@@ -4195,13 +4233,13 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_spheres(const rt_accel *accel, rti_pack
 RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job);
 
 /* The rays go on in object space as a packet of their own; t means the same there. */
-RTI_NOINLINE RTI_TARGET unsigned rti_hit_instances(const rt_accel *accel, rti_packet *p, unsigned lanes, uint32_t first, uint32_t count,
-                                                   uint32_t inst, const rti_job *job)
+RTI_NOINLINE RTI_TARGET unsigned rti_hit_instances(const rt_accel *accel, rti_packet *p, unsigned lanes, const uint32_t *slots,
+                                                   uint32_t first, uint32_t count, uint32_t inst, const rti_job *job)
 {
     unsigned found = 0;
     uint32_t n;
     for (n = first; n < first + count; n++) {
-        const rti_instance *in = &accel->instances[n];
+        const rti_instance *in = &accel->instances[rti_slot(slots, n)];
         rti_packet inner;
         unsigned legal, hit;
         int i, k;
@@ -4245,20 +4283,20 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_instances(const rt_accel *accel, rti_pa
 
 /* ---- >>traverse ----------------------------------------------------------------------------------------------------- */
 
-/* The primitives of a leaf: kind and their number are packed in count. */
-RTI_FN unsigned rti_hit_leaf(const rt_accel *accel, rti_packet *p, unsigned lanes, uint32_t first, uint32_t count, uint32_t inst,
-                             const int flags, const rti_job *job)
+/* The primitives of a leaf: slots[first...], or, slots being NULL, slots first...; kind and their number are packed in count. */
+RTI_FN unsigned rti_hit_leaf(const rt_accel *accel, rti_packet *p, unsigned lanes, const uint32_t *slots, uint32_t first, uint32_t count,
+                             uint32_t inst, const int flags, const rti_job *job)
 {
     const uint32_t kind = count >> RTI_KIND_SHIFT, n = count & RTI_COUNT_MASK;
     (void)job;
     (void)kind;
     RTI_TALLY(job->stats, flags, prims, n * (uint32_t)rti_bit_count(lanes));
-    if (!(flags & RTI_WALK_ALL) || kind == RTI_TRIANGLE) return rti_hit_triangles(accel, p, lanes, first, n, inst, flags);
+    if (!(flags & RTI_WALK_ALL) || kind == RTI_TRIANGLE) return rti_hit_triangles(accel, p, lanes, slots, first, n, inst, flags);
 #if RTI_SPHERES
-    if (kind == RTI_SPHERE) return rti_hit_spheres(accel, p, lanes, first, n, inst, flags);
+    if (kind == RTI_SPHERE) return rti_hit_spheres(accel, p, lanes, slots, first, n, inst, flags);
 #endif
 #if RTI_INSTANCES
-    return rti_hit_instances(accel, p, lanes, first, n, inst, job);
+    return rti_hit_instances(accel, p, lanes, slots, first, n, inst, job);
 #else
     return 0;
 #endif
@@ -4314,7 +4352,7 @@ RTI_FN unsigned rti_walk_body(const rt_accel *accel, rti_packet *p, unsigned liv
             } else goto pop;
         }
         {
-            const unsigned hit = rti_hit_leaf(accel, p, lanes, node->index, node->count, inst, flags, job);
+            const unsigned hit = rti_hit_leaf(accel, p, lanes, NULL, node->index, node->count, inst, flags, job);
             RTI_TALLY(job->stats, flags, leaves, rti_bit_count(lanes));
             found |= hit;
             if (flags & RTI_WALK_ANY && !(live &= ~hit)) return found;
@@ -4368,10 +4406,12 @@ typedef struct { const rti_kdnode *node; rti_v tmin, tmax; } rti_kdstate;
 
 /* What a ray needs to cross planes, by axis. */
 typedef struct {
-    rti_v rdir[3], near_org[3], far_org[3];
-    int side[3];                            /* 1 where the upper child is first */
-    unsigned backward[3];                   /* lanes that meet the other child first */
-    bool uniform;                           /* no lane does */
+    struct {
+        rti_v rdir, near_org, far_org;
+        unsigned backward;                  /* lanes that meet the second child first */
+    } axis[3];
+    unsigned sides;                         /* bit a: along axis a the upper child is first */
+    bool uniform;                           /* no lane goes backward */
 } rti_kdray;
 
 RTI_FN rti_kdray rti_kd_prepare(const rti_packet *p, unsigned live)
@@ -4379,43 +4419,51 @@ RTI_FN rti_kdray rti_kd_prepare(const rti_packet *p, unsigned live)
     rti_kdray r;
     int k;
     r.uniform = true;
+    r.sides = 0;
     for (k = 0; k < 3; k++) {
         const rti_v dir = rti_vload(p->dir[k]), lower = rti_vload(p->plane[0][k]), upper = rti_vload(p->plane[1][k]);
         const unsigned negative = rti_vnegative(dir), first = live & (0u - live);
-        r.rdir[k] = rti_vload(p->rdir[k]);
-        r.side[k] = (negative & first) != 0;
-        r.near_org[k] = rti_vselect(negative, upper, lower);
-        r.far_org[k] = rti_vselect(negative, lower, upper);
-        r.backward[k] = r.side[k] ? ~negative & RTI_ALL_LANES : negative;
-        if (r.backward[k] & live) r.uniform = false;
+        r.axis[k].rdir = rti_vload(p->rdir[k]);
+        if (negative & first) r.sides |= 1u << k;
+        r.axis[k].near_org = rti_vselect(negative, upper, lower);
+        r.axis[k].far_org = rti_vselect(negative, lower, upper);
+        r.axis[k].backward = negative & first ? ~negative & RTI_ALL_LANES : negative;
+        if (r.axis[k].backward & live) r.uniform = false;
     }
     return r;
 }
 
 /* Splits the interval [tmin, tmax] at a node's plane between its first and its second child. Answers whether any live lane wants the
-   first (1) and the second (2). */
-RTI_FN int rti_kd_cross(const rti_kdray *r, const rti_kdnode *nodes, const rti_kdstate *at, unsigned live, rti_kdstate *first,
+   first (1) and the second (2); nobody wants an empty one. */
+RTI_FN unsigned rti_kd_cross(const rti_kdray *r, const rti_kdnode *nodes, const rti_kdstate *at, unsigned live, rti_kdstate *first,
                         rti_kdstate *second)
 {
-    const int axis = (int)(at->node->word & 3);
-    const rti_kdnode *child = nodes + (at->node->word >> 2);
-    const rti_v lo = rti_vplane(at->node->as.split, r->near_org[axis], r->rdir[axis]);
-    const rti_v hi = rti_vplane(at->node->as.split, r->far_org[axis], r->rdir[axis]);
+    const uint32_t word = at->node->word, axis = word & 3;
+    const uint32_t side = r->sides >> axis & 1;           /* from a register: a load would double the time from node to node */
+    const rti_kdnode *pair = nodes + rti_kd_children(at->node);
+    const rti_v lo = rti_vplane(at->node->as.split, r->axis[axis].near_org, r->axis[axis].rdir);
+    const rti_v hi = rti_vplane(at->node->as.split, r->axis[axis].far_org, r->axis[axis].rdir);
     const rti_v until = rti_vmin(hi, at->tmax), from = rti_vmax(lo, at->tmin);
-    first->node = child + r->side[axis];
-    second->node = child + 1 - r->side[axis];
+    first->node = pair + side;
+    second->node = pair + (side ^ 1);
     if (RTI_WIDTH == 1 || r->uniform) {
         first->tmin = at->tmin;
         first->tmax = until;
         second->tmin = from;
         second->tmax = at->tmax;
     } else {
-        first->tmin = rti_vselect(r->backward[axis], from, at->tmin);
-        first->tmax = rti_vselect(r->backward[axis], at->tmax, until);
-        second->tmin = rti_vselect(r->backward[axis], at->tmin, from);
-        second->tmax = rti_vselect(r->backward[axis], until, at->tmax);
+        const unsigned backward = r->axis[axis].backward;
+        first->tmin = rti_vselect(backward, from, at->tmin);
+        first->tmax = rti_vselect(backward, at->tmax, until);
+        second->tmin = rti_vselect(backward, at->tmin, from);
+        second->tmax = rti_vselect(backward, until, at->tmax);
     }
-    return (rti_vle(first->tmin, first->tmax) & live ? 1 : 0) | (rti_vle(second->tmin, second->tmax) & live ? 2 : 0);
+    if (word & RTI_KD_EMPTY) {              /* every other node: the plane just cuts the interval */
+        if ((word & RTI_KD_LOWER_EMPTY) == (side ? RTI_KD_LOWER_EMPTY : 0)) return rti_vle(first->tmin, first->tmax) & live ? 1 : 0;
+        return rti_vle(second->tmin, second->tmax) & live ? 2 : 0;
+    }
+    if (!(rti_vle(second->tmin, second->tmax) & live)) return 1;
+    return rti_vle(first->tmin, first->tmax) & live ? 3 : 2;
 }
 
 #define RTI_KD_TALLY(at)                                                                                \
@@ -4428,19 +4476,23 @@ RTI_FN int rti_kd_cross(const rti_kdray *r, const rti_kdnode *nodes, const rti_k
 RTI_FN unsigned rti_kd_hit_leaf(const rt_accel *accel, rti_packet *p, unsigned lanes, const rti_kdnode *leaf, uint32_t inst,
                                 const int flags, const rti_job *job)
 {
-    const uint32_t first = leaf->word >> 2, count = leaf->as.count;
-    unsigned found = 0;
+    const uint32_t first = leaf->word >> 2, count = leaf->as.count, n = count & RTI_COUNT_MASK;
     RTI_TALLY(job->stats, flags, leaves, rti_bit_count(lanes));
     if (flags & RTI_WALK_ALL && RTI_UNLIKELY(count >> RTI_KIND_SHIFT == RTI_MIXED)) {
-        uint32_t i;
-        for (i = first; i < first + (count & RTI_COUNT_MASK) && lanes; i++) {
-            const unsigned hit = rti_hit_leaf(accel, p, lanes, accel->kdparts[i].first, accel->kdparts[i].count, inst, flags, job);
-            found |= hit;
+        const uint32_t *entry = accel->kdslots + first, *const end = entry + n;
+        unsigned found = 0;
+        while (entry < end && lanes) {      /* entries of one kind at a time */
+            const uint32_t kind = *entry & ~RTI_COUNT_MASK;
+            uint32_t same = 1;
+            unsigned hit;
+            while (entry + same < end && (entry[same] & ~RTI_COUNT_MASK) == kind) same++;
+            found |= hit = rti_hit_leaf(accel, p, lanes, entry, 0, kind | same, inst, flags, job);
             if (flags & RTI_WALK_ANY) lanes &= ~hit;
+            entry += same;
         }
         return found;
     }
-    return count & RTI_COUNT_MASK ? rti_hit_leaf(accel, p, lanes, first, count, inst, flags, job) : 0;
+    return n ? rti_hit_leaf(accel, p, lanes, n == 1 ? &first : accel->kdslots + first, 0, count, inst, flags, job) : 0;
 }
 
 RTI_FN unsigned rti_kd_stack_body(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const int flags, const rti_job *job)
@@ -4460,16 +4512,17 @@ RTI_FN unsigned rti_kd_stack_body(const rt_accel *accel, rti_packet *p, unsigned
     at.node = nodes;
     for (;;) {
         while ((at.node->word & 3) != RTI_LEAF) {
-            const int wants = rti_kd_cross(&r, nodes, &at, live, &first, &second);
+            const unsigned wants = rti_kd_cross(&r, nodes, &at, live, &first, &second);
             RTI_KD_TALLY(at);
-            if (wants == 1) at.node = first.node;           /* branches, not selects: the predicted child is fetched early */
-            else if (wants == 2) at.node = second.node;
-            else {
-                RT_ASSERT(top < RTI_MAX_DEPTH);
-                stack[top++] = second;
+            if (wants & 1) {                /* branches, not selects: the predicted child is fetched early */
+                if (wants & 2) {
+                    RT_ASSERT(top < RTI_MAX_DEPTH);
+                    stack[top++] = second;
+                    RTI_TALLY(job->stats, flags, pushes, 1);
+                }
                 at = first;
-                RTI_TALLY(job->stats, flags, pushes, 1);
-            }
+            } else if (wants) at = second;
+            else goto pop;
         }
         lanes = rti_vle(at.tmin, at.tmax) & live;
         {
@@ -4477,6 +4530,7 @@ RTI_FN unsigned rti_kd_stack_body(const rt_accel *accel, rti_packet *p, unsigned
             found |= hit;
             if (flags & RTI_WALK_ANY && !(live &= ~hit)) return found;
         }
+pop:
         do {
             if (!top) return found;
             at = stack[--top];
@@ -4538,17 +4592,21 @@ RTI_FN unsigned rti_kd_restart_body(const rt_accel *accel, rti_packet *p, unsign
     for (;;) {
         while ((at.node->word & 3) != RTI_LEAF) {
             const uint64_t bit = (uint64_t)1 << level;
-            const int wants = rti_kd_cross(&r, nodes, &at, live, &first, &second);
+            const unsigned wants = rti_kd_cross(&r, nodes, &at, live, &first, &second);
             RTI_KD_TALLY(at);
             level++;
-            if (wants == 1) at = first;
-            else if (wants == 2) {
+            if (wants & 1) {
+                if (wants & 2) {
+                    open |= bit;
+                    rti_kd_push(&ring, &second, level, flags, job);
+                }
+                at = first;
+            } else if (wants) {
                 path |= bit;
                 at = second;
             } else {
-                open |= bit;
-                rti_kd_push(&ring, &second, level, flags, job);
-                at = first;
+                at.node = first.node;
+                goto next;
             }
             if (push_down && !open) {
                 base = at;
@@ -4561,6 +4619,7 @@ RTI_FN unsigned rti_kd_restart_body(const rt_accel *accel, rti_packet *p, unsign
             found |= hit;
             if (flags & RTI_WALK_ANY && !(live &= ~hit)) return found;
         }
+next:
         do {
             const rti_v best = rti_vload(p->t);
             if (ring.held) {
@@ -4586,7 +4645,7 @@ RTI_FN unsigned rti_kd_restart_body(const rt_accel *accel, rti_packet *p, unsign
                         RTI_TALLY(job->stats, flags, nodes, 1);
                     }
                     at.node = nodes + i;
-                    (void)rti_hit_box(&s, accel->kdlinks[(at.node->word >> 2) / 2].bounds, best, &at.tmin, &at.tmax);
+                    (void)rti_hit_box(&s, accel->kdlinks[at.node->word >> RTI_KD_PAIR].bounds, best, &at.tmin, &at.tmax);
                 } else {
                     RTI_TALLY(job->stats, flags, restarts, 1);
                     at = base;
