@@ -1,8 +1,8 @@
 /* rt_fuzz.c - bytes to scenes: loaders, builder and traversal on anything at all.    SPDX-License-Identifier: MIT OR Unlicense
 
    The first byte chooses: an OBJ file, an NFF file, an MTL file, or geometry with rays. A file that loads is built and rendered;
-   geometry is built with or without its bad primitives, refitted, and traced by every algorithm, whose hits must be those of a loop
-   over all primitives. Anything else than that, or a finding of a sanitizer, aborts.
+   geometry is built with or without its bad primitives, as any structure with any options, refitted where that is possible, and traced
+   by every algorithm, whose hits must be those of a loop over all primitives. Anything else than that, or a finding of a sanitizer, aborts.
 
        clang -g -O1 -fsanitize=fuzzer,address,undefined -DRT_FUZZ_LIBFUZZER tests/rt_fuzz.c -o rt_fuzz -lm && ./rt_fuzz
        cc -g -O1 tests/rt_fuzz.c -o rt_fuzz -lm && ./rt_fuzz 10000        # that many random inputs; or files: ./rt_fuzz crash-*  */
@@ -89,6 +89,7 @@ typedef struct {
     rt_instance instances[MAX_INSTANCES];
     rt_geometry geometry;
     rt_accel *accel;
+    rt_accel *plain;                        /* the same as a BVH of plain ones: brute force reads its arrays */
 } level;
 
 /* Mostly small numbers that meet each other; else powers of two, the edges of what is legal, or any bits. */
@@ -153,13 +154,33 @@ static void take_level(level *l, const level *lower, size_t lower_count, bytes *
     }
 }
 
-/* Every primitive, no box: what the traversals must equal. p is prepared. */
+/* Lets the level's instances show the plain twins. */
+static void use_plain(level *l, const level *lower, size_t lower_count)
+{
+    for (size_t i = 0; i < l->geometry.instance_count; i++)
+        for (size_t k = 0; k < lower_count; k++)
+            if (l->instances[i].accel == lower[k].accel) {
+                l->instances[i].accel = lower[k].plain;
+                break;
+            }
+}
+
+static void build_plain(level *l, const level *lower, size_t lower_count)
+{
+    const rt_build_options options = { .skip_invalid = true };
+    rt_instance kept[MAX_INSTANCES];
+    memcpy(kept, l->instances, sizeof kept);
+    use_plain(l, lower, lower_count);
+    if (rt_build(&l->plain, &l->geometry, &options) != RT_OK) fail("no plain tree");
+    memcpy(l->instances, kept, sizeof kept);
+}
+
+/* Every primitive, no box: what the traversals must equal. accel is plain, p is prepared. */
 static bool brute_force(const rt_accel *accel, rti_packet_1 *p, uint32_t inst)
 {
     bool found = false;
-    const rti_node triangles = { .count = (uint32_t)accel->slots[RTI_TRIANGLE] }, spheres = { .count = (uint32_t)accel->slots[RTI_SPHERE] };
-    if (rti_hit_triangles_1(accel, p, 1, &triangles, inst, 0)) found = true;
-    if (rti_hit_spheres_1(accel, p, 1, &spheres, inst, 0)) found = true;
+    if (rti_hit_triangles_1(accel, p, 1, 0, (uint32_t)accel->slots[RTI_TRIANGLE], inst, 0)) found = true;
+    if (rti_hit_spheres_1(accel, p, 1, 0, (uint32_t)accel->slots[RTI_SPHERE], inst, 0)) found = true;
     for (size_t i = 0; i < accel->slots[RTI_INSTANCE]; i++) {
         const rti_instance *in = &accel->instances[i];
         const float org[3] = { p->org[0][0], p->org[1][0], p->org[2][0] }, dir[3] = { p->dir[0][0], p->dir[1][0], p->dir[2][0] };
@@ -185,19 +206,37 @@ static void brute_force_hit(const rt_accel *accel, const rt_ray *ray, rt_query q
     else *hit = (rt_hit){ *p.t, *p.u, *p.v, *p.prim.id, *p.inst.id };
 }
 
-static void trace_all(const rt_accel *accel, rt_structure structure, const rt_ray *rays, size_t count)
+/* What a build may be asked for; mostly the defaults. */
+static rt_build_options take_options(bytes *in)
 {
+    static const float costs[] = { 0, 0.01f, 1, 100 }, bonuses[] = { 0, -1, 0.5f, 1 }, duplications[] = { 0, 1, 1.5f, 16 };
+    rt_build_options options = { .structure = take(in) & 1 ? RT_KDTREE : RT_BVH, .quality = (rt_quality)take_below(in, 3) };
+    const uint32_t flags = take(in);
+    options.reference = flags & 1;
+    options.no_backtrack = flags & 2;
+    options.traversal_cost = costs[take(in) & 3];
+    options.empty_bonus = bonuses[take(in) & 3];
+    options.max_duplication = duplications[take(in) & 3];
+    return options;
+}
+
+static void trace_all(const rt_accel *accel, const rt_accel *plain, const rt_build_options *built, const rt_ray *rays, size_t count)
+{
+    static const int entries[] = { 0, 1, 2, RT_MAX_SHORT_STACK };
     const rt_algorithm_info *info;
     rt_hit want[MAX_RAYS], got[MAX_RAYS];
     int widths[16];
     for (int query = RT_CLOSEST; query <= RT_ANY; query++) {
-        for (size_t i = 0; i < count; i++) brute_force_hit(accel, &rays[i], (rt_query)query, &want[i]);
+        for (size_t i = 0; i < count; i++) brute_force_hit(plain, &rays[i], (rt_query)query, &want[i]);
         for (size_t a = 0; (info = rt_algorithm_get(a)) != NULL; a++) {
-            if (!info->built || (info->structure != structure && info->structure != RT_STRUCTURE_COUNT)) continue;
+            const size_t tries = RT_ISA_COUNT * (info->algorithm == RT_KD_SHORTSTACK ? sizeof entries / sizeof *entries : 1);
+            if (!info->built || (info->structure != built->structure && info->structure != RT_STRUCTURE_COUNT)) continue;
+            if (info->algorithm == RT_KD_BACKTRACK && built->no_backtrack) continue;
             for (size_t w = rt_packet_widths(info->algorithm, widths, 16); w-- > 0;)
-                for (int isa = RT_ISA_AUTO; isa < RT_ISA_COUNT; isa++) {
+                for (size_t i = 0; i < tries; i++) {
+                    const int isa = (int)(i % RT_ISA_COUNT);
                     const rt_trace_options options = { .algorithm = info->algorithm, .packet_width = widths[w], .query = (rt_query)query,
-                                                       .isa = (rt_isa)isa };
+                                                       .short_stack = entries[i / RT_ISA_COUNT], .isa = (rt_isa)isa };
                     if (rt_trace(accel, &options, rays, count, got) != RT_OK) {
                         if (isa == RT_ISA_AUTO) fail("a width of rt_packet_widths that rt_trace does not take");
                     } else if (memcmp(got, want, count * sizeof *got) != 0) {
@@ -228,12 +267,12 @@ static void fuzz_geometry(bytes in)
     static level levels[LEVELS], moved;
     const size_t count = 1 + take_below(&in, LEVELS);
     level *top = &levels[count - 1];
-    rt_build_options options = { .quality = (rt_quality)take_below(&in, 3), .reference = take(&in) & 1 };
+    rt_build_options options = { 0 };
     rt_ray rays[MAX_RAYS];
     for (size_t i = 0; i < count; i++) {
         rt_status status;
         take_level(&levels[i], levels, i, &in);
-        options.skip_invalid = false;
+        options = take_options(&in);
         status = rt_build(&levels[i].accel, &levels[i].geometry, &options);
         if (status == RT_ERROR_GEOMETRY) {
             if (levels[i].accel) fail("a failed build that answers an accel");
@@ -241,18 +280,29 @@ static void fuzz_geometry(bytes in)
             status = rt_build(&levels[i].accel, &levels[i].geometry, &options);
         }
         if (status != RT_OK || !rti_validate(levels[i].accel)) fail("an invalid tree, or none with skip_invalid");
+        build_plain(&levels[i], levels, i);
     }
     for (size_t i = 0; i < MAX_RAYS; i++) rays[i] = take_ray(top, &in);
-    trace_all(top->accel, options.structure, rays, MAX_RAYS);
+    trace_all(top->accel, top->plain, &options, rays, MAX_RAYS);
     if (take(&in) & 1) {
+        rt_instance plain[MAX_INSTANCES];
+        rt_status status;
         moved = *top;
         point_to_arrays(&moved, top->geometry.indices != NULL);
         take_shapes(&moved, &in);
-        rt_refit(top->accel, &moved.geometry);          /* may fail: then all is as it was */
+        status = rt_refit(top->accel, &moved.geometry);                 /* may fail: then all is as it was */
+        if (options.structure == RT_KDTREE && status == RT_OK) fail("a k-d tree that was refitted");
         if (!rti_validate(top->accel)) fail("an invalid tree after a refit");
-        trace_all(top->accel, options.structure, rays, MAX_RAYS);
+        memcpy(plain, moved.instances, sizeof plain);
+        use_plain(&moved, levels, count - 1);
+        if (status == RT_OK && rt_refit(top->plain, &moved.geometry) != RT_OK) fail("a refit that fails for the plain tree only");
+        memcpy(moved.instances, plain, sizeof plain);
+        trace_all(top->accel, top->plain, &options, rays, MAX_RAYS);
     }
-    for (size_t i = count; i-- > 0;) rt_free(levels[i].accel);
+    for (size_t i = count; i-- > 0;) {
+        rt_free(levels[i].accel);
+        rt_free(levels[i].plain);
+    }
 }
 
 /* ---- >>main --------------------------------------------------------------------------------------------------------- */

@@ -16,8 +16,8 @@
    CONTENTS (search for the tag)
 
        >>memory  >>harness  >>exact  >>oracle  >>models  >>shapes  >>rays  >>compare
-       tests: >>hits  >>instances  >>ugly  >>intervals  >>watertight  >>refit  >>builds  >>oom  >>options  >>stats  >>threads
-              >>shading  >>programs  >>loaders
+       tests: >>hits  >>instances  >>ugly  >>intervals  >>watertight  >>refit  >>builds  >>oom  >>options  >>stats  >>kdtree
+              >>threads  >>shading  >>programs  >>loaders
        >>main  */
 
 #define _POSIX_C_SOURCE 200809L
@@ -280,6 +280,7 @@ typedef struct rtt_model {
     rt_sphere *spheres;    size_t sphere_count;
     rt_instance *instances; const struct rtt_model **children; size_t instance_count;
     rt_accel *accel;                        /* where it is a child of others */
+    rt_structure structure;                 /* of accel */
     bool skip_invalid;
 } rtt_model;
 
@@ -358,9 +359,12 @@ static void rtt_ball(rtt_model *model, rt_vec3 center, float radius)
 static void rtt_instance(rtt_model *model, rtt_model *child, const float transform[12])
 {
     rt_geometry geometry = rtt_geometry(child);
+    rt_build_options options;
 
+    memset(&options, 0, sizeof options);
+    options.structure = child->structure;
     if (!child->accel)
-        CHECK_STATUS(rt_build(&child->accel, &geometry, NULL), RT_OK);
+        CHECK_STATUS(rt_build(&child->accel, &geometry, &options), RT_OK);
     model->instances = (rt_instance *)rtt_grow(model->instances, model->instance_count, sizeof(rt_instance));
     model->children = (const rtt_model **)rtt_grow((void *)model->children, model->instance_count, sizeof *model->children);
     model->instances[model->instance_count].accel = child->accel;
@@ -783,7 +787,7 @@ static bool rtt_structure_built(rt_structure structure)
 
 /* Adds the way unless the library, asked with no rays on an empty accel, says that it cannot go it; with the automatic ISA and no
    culling it must. */
-static void rtt_way_add(rt_accel *const *empty, const rt_algorithm_info *info, int width, rt_isa isa, rt_cull cull)
+static void rtt_way_add(rt_accel *const *empty, const rt_algorithm_info *info, int width, rt_isa isa, rt_cull cull, int short_stack)
 {
     for (int query = RT_CLOSEST; query <= RT_ANY; query++) {
         rtt_way *way = &rtt_ways[rtt_way_count];
@@ -798,8 +802,9 @@ static void rtt_way_add(rt_accel *const *empty, const rt_algorithm_info *info, i
         way->options.isa = isa;
         way->options.cull = cull;
         way->options.query = (rt_query)query;
-        snprintf(way->label, sizeof way->label, "%s/%d/%s/%s/%s", info->name, width, rtt_isa_names[isa], rtt_cull_names[cull],
-                 query == RT_ANY ? "any" : "closest");
+        way->options.short_stack = short_stack;
+        snprintf(way->label, sizeof way->label, "%s:%d/%d/%s/%s/%s", info->name, short_stack, width, rtt_isa_names[isa],
+                 rtt_cull_names[cull], query == RT_ANY ? "any" : "closest");
         status = rt_trace(empty[info->structure == RT_STRUCTURE_COUNT ? RT_BVH : info->structure], &way->options, NULL, 0, NULL);
         if (status == RT_OK)
             rtt_way_count++;
@@ -810,6 +815,7 @@ static void rtt_way_add(rt_accel *const *empty, const rt_algorithm_info *info, i
 
 static void rtt_ways_find(void)
 {
+    static const int entries[] = { 0, 1, 2, 3, 8, RT_MAX_SHORT_STACK };
     rt_accel *empty[RT_STRUCTURE_COUNT] = { NULL };
     const rt_algorithm_info *info;
     rt_geometry nothing;
@@ -832,9 +838,10 @@ static void rtt_ways_find(void)
         for (int isa = 0; isa < RT_ISA_COUNT; isa++)
             for (int cull = 0; cull < RT_CULL_COUNT && isa != (int)rt_best_isa(); cull++) {        /* the best is what auto picks */
                 if (isa == RT_ISA_AUTO)
-                    rtt_way_add(empty, info, 0, RT_ISA_AUTO, (rt_cull)cull);
+                    rtt_way_add(empty, info, 0, RT_ISA_AUTO, (rt_cull)cull, 0);
                 for (size_t w = 0; w < count && w < RTT_COUNT(widths); w++)
-                    rtt_way_add(empty, info, widths[w], (rt_isa)isa, (rt_cull)cull);
+                    for (size_t e = 0; e < (info->algorithm == RT_KD_SHORTSTACK ? RTT_COUNT(entries) : 1); e++)
+                        rtt_way_add(empty, info, widths[w], (rt_isa)isa, (rt_cull)cull, entries[e]);
             }
     }
     for (int s = 0; s < RT_STRUCTURE_COUNT; s++)
@@ -863,8 +870,9 @@ static bool rtt_compare(const char *what, const char *way, const rtt_rays *rays,
     return true;
 }
 
-/* Traces rays every way that suits accel's structure and compares with want. */
-static void rtt_compare_all(const char *what, const rt_accel *accel, const rtt_rays *rays, const rt_hit *want)
+/* Traces rays every way that suits accel's structure and compares with want: each way whose turn, of every many, it is. */
+static void rtt_compare_ways(const char *what, const rt_accel *accel, const rtt_rays *rays, const rt_hit *want, bool backtrack,
+                             size_t turn, size_t every)
 {
     rt_hit *got = (rt_hit *)rtt_array(rays->count, sizeof *got);
     size_t calls = rtt_heap.calls, wrong = 0;
@@ -874,7 +882,9 @@ static void rtt_compare_all(const char *what, const rt_accel *accel, const rtt_r
     for (size_t w = 0; w < rtt_way_count; w++) {
         const rtt_way *way = &rtt_ways[w];
 
-        if (way->structure != RT_STRUCTURE_COUNT && way->structure != info.structure)
+        if ((way->structure != RT_STRUCTURE_COUNT && way->structure != info.structure) || (w + turn) % every != 0)
+            continue;
+        if (way->options.algorithm == RT_KD_BACKTRACK && !backtrack)
             continue;
         memset(got, 0xcc, rays->count * sizeof *got);
         CHECK_STATUS(rt_trace(accel, &way->options, rays->ray, rays->count, got), RT_OK);
@@ -894,36 +904,75 @@ static void rtt_compare_all(const char *what, const rt_accel *accel, const rtt_r
     free(got);
 }
 
+static void rtt_compare_all(const char *what, const rt_accel *accel, const rtt_rays *rays, const rt_hit *want)
+{
+    rtt_compare_ways(what, accel, rays, want, true, 0, 1);
+}
+
 /* The tree's own invariants, then what rt_get_info says of it. */
 static void rtt_check_accel(const char *what, const rt_accel *accel, const rt_geometry *geometry)
 {
-    size_t prims = geometry->triangle_count + geometry->sphere_count + geometry->instance_count;
+    size_t prims = geometry->triangle_count + geometry->sphere_count + geometry->instance_count, hollow = 0;
     rt_info info;
+    bool kdtree;
 
     if (!rti_validate(accel))
         rtt_fail("%s: rti_validate", what);
     rt_get_info(accel, &info);
     if (info.triangles != geometry->triangle_count || info.spheres != geometry->sphere_count || info.instances != geometry->instance_count)
         rtt_fail("%s: rt_info counts", what);
-    if (info.leaves > info.nodes || info.nodes > (info.structure == RT_BVH ? 2 : 8) * prims + 1 || info.max_leaf > prims || info.depth < 0 || info.depth > RTI_MAX_DEPTH
-        || !(info.sah >= 0))
-        rtt_fail("%s: rt_info: %zu nodes, %zu leaves, leaf of %zu, depth %d, sah %g", what, info.nodes, info.leaves, info.max_leaf,
-                 info.depth, info.sah);
+    kdtree = info.structure == RT_KDTREE;
+    for (size_t i = 0; i < geometry->instance_count; i++) {            /* an instance of nothing is in no leaf */
+        rt_info child;
+
+        if (!geometry->instances[i].accel)
+            continue;
+        rt_get_info(geometry->instances[i].accel, &child);
+        hollow += child.lower.x > child.upper.x;
+    }
+    if (info.nodes != (info.leaves ? 2 * info.leaves - 1 : 0) || info.leaves < info.empty_leaves || info.max_leaf > prims || info.depth < 0
+        || info.depth > RTI_MAX_DEPTH || !(info.sah >= 0) || (!kdtree && (info.empty_leaves || info.leaves > prims))
+        || info.references < info.leaves - info.empty_leaves || info.references > (info.leaves - info.empty_leaves) * info.max_leaf
+        || info.references + info.skipped + hollow < prims || (!kdtree && info.references > prims - info.skipped))
+        rtt_fail("%s: rt_info: %zu nodes, %zu leaves, %zu empty, %zu references of %zu, leaf of %zu, depth %d, sah %g", what, info.nodes,
+                 info.leaves, info.empty_leaves, info.references, prims, info.max_leaf, info.depth, info.sah);
     if ((prims == info.skipped) != (info.lower.x > info.upper.x))
         rtt_fail("%s: rt_info bounds", what);
 }
 
+/* As rt_parallel_for demands, yet backwards: an order that no builder expects. *user counts the calls. */
+static void rtt_backwards(void *user, size_t count, void (*body)(void *context, size_t index), void *context)
+{
+    ++*(size_t *)user;
+    while (count-- > 0)
+        body(context, count);
+}
+
+/* Ways to build that rtt_check goes. Where there are many ways to trace, a build tries one of every so many, by turns: odd,
+   since closest and any take turns in the table. */
+static const struct { rt_build_options options; bool parallel; size_t every; } rtt_builds[] = {
+    { { .structure = RT_BVH }, false, 1 },
+    { { .structure = RT_BVH, .quality = RT_BUILD_FAST, .reference = true }, true, 1 },
+    { { .structure = RT_BVH, .quality = RT_BUILD_HIGH }, false, 1 },
+    { { .structure = RT_BVH, .traversal_cost = 0.01f }, false, 4 },
+    { { .structure = RT_KDTREE }, false, 3 },
+    { { .structure = RT_KDTREE, .quality = RT_BUILD_FAST, .reference = true }, true, 11 },
+    { { .structure = RT_KDTREE, .quality = RT_BUILD_HIGH, .traversal_cost = 0.25f, .max_duplication = 16 }, false, 11 },
+    { { .structure = RT_KDTREE, .traversal_cost = 4, .empty_bonus = 0.9f }, false, 11 },
+    { { .structure = RT_KDTREE, .empty_bonus = -1, .max_duplication = 1, .no_backtrack = true }, false, 11 },
+    { { .structure = RT_THREADED }, false, 1 },
+    { { .structure = RT_THREADED, .quality = RT_BUILD_FAST, .reference = true }, true, 1 },
+};
+
 /* The whole promise for one model and its rays: oracle, checksum, then every structure, way of building and way of tracing. */
 static void rtt_check(const char *what, const rtt_model *model, const rtt_rays *rays)
 {
-    static const struct { rt_quality quality; bool reference; } builds[] = {
-        { RT_BUILD_DEFAULT, false }, { RT_BUILD_FAST, true }, { RT_BUILD_HIGH, false }
-    };
     rt_hit *want = (rt_hit *)rtt_array(rays->count, sizeof *want);
     rt_geometry geometry = rtt_geometry(model);
     rt_build_options options;
     rt_accel *accel;
     rt_error error;
+    size_t calls = 0;
 
     for (size_t i = 0; i < rays->count; i++) {
         uint32_t words[5];
@@ -935,11 +984,10 @@ static void rtt_check(const char *what, const rtt_model *model, const rtt_rays *
     }
     rtt.cases++;
     rtt.rays += rays->count;
-    for (size_t b = 0; b < RTT_COUNT(builds) * RT_STRUCTURE_COUNT; b++) {
-        memset(&options, 0, sizeof options);
-        options.structure = (rt_structure)(b / RTT_COUNT(builds));
-        options.quality = builds[b % RTT_COUNT(builds)].quality;
-        options.reference = builds[b % RTT_COUNT(builds)].reference;
+    for (size_t b = 0; b < RTT_COUNT(rtt_builds); b++) {
+        options = rtt_builds[b].options;
+        options.parallel_for = rtt_builds[b].parallel ? rtt_backwards : NULL;
+        options.parallel_user = &calls;
         options.skip_invalid = model->skip_invalid;
         options.error = &error;
         if (!rtt_structure_built(options.structure))
@@ -950,10 +998,41 @@ static void rtt_check(const char *what, const rtt_model *model, const rtt_rays *
             continue;
         }
         rtt_check_accel(what, accel, &geometry);
-        rtt_compare_all(what, accel, rays, want);
+        rtt_compare_ways(what, accel, rays, want, !options.no_backtrack, rtt.cases + b, rtt_builds[b].every);
         rt_free(accel);
     }
     free(want);
+}
+
+/* A model as each structure that there is. */
+typedef struct { rt_accel *of[RT_STRUCTURE_COUNT]; } rtt_accels;
+
+static bool rtt_accels_build(rtt_accels *accels, const rtt_model *model)
+{
+    rt_geometry geometry = rtt_geometry(model);
+    bool good = true;
+
+    memset(accels, 0, sizeof *accels);
+    for (int s = 0; s < RT_STRUCTURE_COUNT; s++) {
+        rt_build_options options;
+
+        memset(&options, 0, sizeof options);
+        options.structure = (rt_structure)s;
+        if (rtt_structure_built(options.structure))
+            good = CHECK_STATUS(rt_build(&accels->of[s], &geometry, &options), RT_OK) && good;
+    }
+    return good;
+}
+
+static const rt_accel *rtt_accels_for(const rtt_accels *accels, const rtt_way *way)
+{
+    return accels->of[way->structure == RT_STRUCTURE_COUNT ? RT_BVH : way->structure];
+}
+
+static void rtt_accels_free(rtt_accels *accels)
+{
+    for (int s = 0; s < RT_STRUCTURE_COUNT; s++)
+        rt_free(accels->of[s]);
 }
 
 /* How many of the rays hit: for tests that must not pass by missing everything. */
@@ -1330,15 +1409,16 @@ static void rtt_test_sphere_start(void)
             if (fabs(outwards) < 1e-5)      /* so nearly a tangent that its chord is a matter of rounding */
                 continue;
             if (rt_intersect(accel, &ray, &hit) != (outwards < 0) || hit.t < 1e-9f)
-                rtt_fail("a ray from (%g, %g, %g) on the sphere, outwards %g: t %g", (double)p[0], (double)p[1], (double)p[2], outwards, (double)hit.t);
+                rtt_fail("a ray from (%g, %g, %g) on the sphere, outwards %g: t %g", (double)p[0], (double)p[1], (double)p[2], outwards,
+                         (double)hit.t);
         }
         rt_free(accel);
         rtt_model_free(&ball);
     }
     rtt_ball(&model, rtt_origin, 0x1.f6b42ap+0f);      /* the quotient c / q was 2.8 and -0.69 for these: far outside the box */
     rtt_ball(&model, rtt_origin, 0x1.e6a404p+0f);
-    rtt_segment(&rays, rtt_v(-0x1.81518ap+0f, -0x1.42dd02p+0f, -0x1.9750c6p-13f), rtt_v(-0x1.42dd02p+0f, 0x1.81518ap+0f, -0x1.cafce4p-40f), 2.5f,
-                INFINITY);
+    rtt_segment(&rays, rtt_v(-0x1.81518ap+0f, -0x1.42dd02p+0f, -0x1.9750c6p-13f), rtt_v(-0x1.42dd02p+0f, 0x1.81518ap+0f, -0x1.cafce4p-40f),
+                2.5f, INFINITY);
     rtt_segment(&rays, rtt_v(-0x1.9c65d2p+0f, -0x1.025adcp+0f, -0x1.8c3254p-14f), rtt_v(-0x1.025adcp+0f, 0x1.9c65d2p+0f, 0x1.e01aacp-38f),
                 -INFINITY, -0.62f);
     rtt_segment(&rays, rtt_v(0, 0, 9), rtt_v(0, 0, -1), 0, INFINITY);
@@ -1387,7 +1467,8 @@ static void rtt_test_short_rays(void)
 
         rtt_face(&model, rtt_v(v[0], v[1], v[2]), rtt_v(v[3], v[4], v[5]), rtt_v(v[6], v[7], v[8]));
     }
-    rtt_segment(&rays, rtt_v(0x1.328ebap+48f, 0x1.98e262p+31f, 0x1.3713cp+45f), rtt_v(-0x1.936ddep-99f, -0.0f, 0), 0x1.bebaeep+126f, INFINITY);
+    rtt_segment(&rays, rtt_v(0x1.328ebap+48f, 0x1.98e262p+31f, 0x1.3713cp+45f), rtt_v(-0x1.936ddep-99f, -0.0f, 0), 0x1.bebaeep+126f,
+                INFINITY);
     rtt_segment(&rays, rtt_v(0x1.328ebap+48f, 0x1.98e262p+31f, 0x1.3713cp+45f), rtt_v(-0x1.936ddep-99f, -0.0f, 0), 0, INFINITY);
     rtt_check("short ray", &model, &rays);
     rtt_model_free(&model);
@@ -1494,6 +1575,7 @@ static void rtt_test_instances(void)
             float matrix[12], size = rtt_f(3 * scales[s]);
             rt_vec3 center = far ? rtt_point(&random, rtt_origin, rtt_f(131072 * scales[s])) : rtt_origin;
 
+            child.structure = s % 2 ? RT_KDTREE : RT_BVH;
             rtt_cloud(&child, &random, 40, rtt_origin, 1, 0.4f);
             rtt_balls(&child, &random, 10, rtt_origin, 1, 0.2f);
             for (int i = 0; i < 12; i++) {
@@ -1538,6 +1620,7 @@ static void rtt_test_instances_skewed(void)
             float turn[12], squash[12], matrix[12], shear[12] = { 1, 0, 0, 0, 1e3f, 1, 0, 0, 0, -1e3f, 1, 0 };
             rt_vec3 center = rtt_point(&random, rtt_origin, afar ? 1e6f : 3);
 
+            child.structure = s % 2 ? RT_BVH : RT_KDTREE, box.structure = afar ? RT_KDTREE : RT_BVH;
             rtt_cube(&child, 2, true, 1, rtt_origin);
             rtt_cube(&box, 1, false, 1, rtt_origin);              /* its corners reach those of its bounds */
             rtt_place(&world, &child, rtt_v(squeeze[s][0], squeeze[s][1], squeeze[s][2]), center);
@@ -1565,13 +1648,13 @@ static void rtt_test_instances_skewed(void)
         }
 }
 
-/* As deep as allowed, two instances and a triangle of its own a level; hits must name the right path. */
 /* What underflows inside an instance is no longer small outside. */
 static void rtt_test_instances_tiny(void)
 {
     rtt_model child = { 0 }, model = { 0 };
     rtt_rays rays = { 0 };
 
+    child.structure = RT_KDTREE;
     rtt_face(&child, rtt_origin, rtt_v(3e-44f, 0, 0), rtt_v(0, 3e-44f, 0));
     for (int i = 0; i < 16; i++)
         rtt_place(&model, &child, rtt_v(1e18f, 1e18f, 1e18f), rtt_v((float)i * 1e-25f, 0, 0));
@@ -1583,6 +1666,7 @@ static void rtt_test_instances_tiny(void)
     rtt_rays_free(&rays);
 }
 
+/* As deep as allowed, two instances and triangles of its own a level, the structures by turns; hits must name the right path. */
 static void rtt_test_instances_deep(void)
 {
     rtt_random random = rtt_stream();
@@ -1600,6 +1684,7 @@ static void rtt_test_instances_deep(void)
     for (int k = 1; k <= RT_MAX_NESTING; k++) {
         float matrix[12];
 
+        level[k].structure = k % 2 ? RT_KDTREE : RT_BVH;
         for (int i = 0; i < 2; i++) {
             rtt_matrix(&random, 1, rtt_point(&random, rtt_origin, 1), matrix);
             rtt_instance(&level[k], &level[k - 1], matrix);
@@ -1636,6 +1721,7 @@ static void rtt_test_instances_paths(void)
         memset(level, 0, sizeof level);
         rtt_quad(&level[0], rtt_v(-1, -1, 0), rtt_v(2, 0, 0), rtt_v(0, 2, 0));
         for (int k = 1; k <= RT_MAX_NESTING; k++) {
+            level[k - 1].structure = k % 3 ? RT_KDTREE : RT_BVH;
             for (size_t i = 0; i < fan; i++)
                 rtt_place(&level[k], &level[k - 1], rtt_v(1, 1, 1), rtt_v(0, 0, i + 1 < fan ? -10.0f - (float)i : 0));
             paths = fan * (1 + paths);
@@ -1703,10 +1789,9 @@ static void rtt_test_instance_transform(void)
     rtt_random random = rtt_stream();
     rtt_model leaf = { 0 }, middle = { 0 }, side = { 0 }, top = { 0 };
     float matrix[12], transform[12], normal[9];
-    rt_geometry geometry;
-    uint32_t number = 0;
-    rt_accel *accel;
+    rtt_accels accels;
 
+    middle.structure = RT_KDTREE;
     rtt_cloud(&leaf, &random, 3, rtt_origin, 1, 1);
     for (int i = 0; i < 3; i++) {
         rtt_matrix(&random, 1, rtt_point(&random, rtt_origin, 1), matrix);
@@ -1718,15 +1803,20 @@ static void rtt_test_instance_transform(void)
         rtt_matrix(&random, 1, rtt_point(&random, rtt_origin, 1), matrix);
         rtt_instance(&top, i == 1 ? &leaf : i % 2 ? &side : &middle, matrix);
     }
-    geometry = rtt_geometry(&top);
-    if (CHECK_STATUS(rt_build(&accel, &geometry, NULL), RT_OK)) {
+    rtt_accels_build(&accels, &top);
+    for (int s = 0; s < RT_STRUCTURE_COUNT; s++) {
+        const rt_accel *accel = accels.of[s];
+        uint32_t number = 0;
+
+        if (!accel)
+            continue;
         rtt_walk(accel, &top, identity, &number);
         CHECK(number == rtt_paths(&top));
         CHECK(!rt_instance_transform(accel, number, transform, normal));
         CHECK(rt_instance_transform(accel, RT_NONE, transform, normal) && memcmp(transform, identity, sizeof identity) == 0);
         CHECK(normal[0] == 1 && normal[4] == 1 && normal[8] == 1 && normal[1] == 0 && normal[3] == 0);
-        rt_free(accel);
     }
+    rtt_accels_free(&accels);
     rtt_model_free(&top);
     rtt_model_free(&side);
     rtt_model_free(&middle);
@@ -2066,8 +2156,7 @@ static void rtt_test_batches(void)
     rtt_random random = rtt_stream();
     rtt_model model = { 0 }, child = { 0 };
     rtt_rays rays = { 0 };
-    rt_geometry geometry;
-    rt_accel *accel;
+    rtt_accels accels;
     rt_hit want[MOST];
     float *memory = (float *)rtt_array(8 * MOST + 16, sizeof *memory);
     rt_hit *hits = (rt_hit *)rtt_array(MOST + 8, sizeof *hits), sentinel;
@@ -2077,20 +2166,17 @@ static void rtt_test_batches(void)
     rtt_rays_mixed(&rays, &random, rtt_origin, 1, MOST - rays.count);
     for (size_t i = 0; i < MOST; i++)
         want[i] = rtt_closest(&model, &rays.ray[i]);
-    geometry = rtt_geometry(&model);
     memset(&sentinel, 0xcc, sizeof sentinel);
-    if (CHECK_STATUS(rt_build(&accel, &geometry, NULL), RT_OK)) {
+    if (rtt_accels_build(&accels, &model))
         for (size_t w = 0; w < rtt_way_count; w++)
             for (size_t count = 0; count <= MOST; count += count < 34 ? 1 : 9) {
                 const rtt_way *way = &rtt_ways[w];
                 size_t shift = count % 8;   /* in floats: all that the type of a ray demands */
                 rt_ray *unaligned = (rt_ray *)(void *)(memory + shift);
 
-                if (way->structure != RT_STRUCTURE_COUNT && way->structure != RT_BVH)
-                    continue;
                 memcpy(unaligned, rays.ray, count * sizeof(rt_ray));
                 memset(hits, 0xcc, (MOST + 8) * sizeof *hits);
-                CHECK_STATUS(rt_trace(accel, &way->options, unaligned, count, hits + shift), RT_OK);
+                CHECK_STATUS(rt_trace(rtt_accels_for(&accels, way), &way->options, unaligned, count, hits + shift), RT_OK);
                 for (size_t i = 0; i < MOST + 8; i++) {
                     bool inside = i >= shift && i < shift + count;
                     rt_hit expected = !inside ? sentinel : way->options.query == RT_ANY ? rtt_any(want[i - shift]) : want[i - shift];
@@ -2099,8 +2185,7 @@ static void rtt_test_batches(void)
                         rtt_fail("%s: %zu rays at %zu: hit %zu", way->label, count, shift, i);
                 }
             }
-        rt_free(accel);
-    }
+    rtt_accels_free(&accels);
     free(memory);
     free(hits);
     rtt_rays_free(&rays);
@@ -2129,7 +2214,7 @@ static void rtt_check_no_leak(const char *what, const rtt_model *model, const rt
                 rtt_fail("%s: ray %zu leaks: org {%a,%a,%a} dir {%a,%a,%a}", what, i, (double)rays->ray[i].org.x,
                          (double)rays->ray[i].org.y, (double)rays->ray[i].org.z, (double)rays->ray[i].dir.x, (double)rays->ray[i].dir.y,
                          (double)rays->ray[i].dir.z);
-        rtt_compare_all(what, accel, rays, want);
+        rtt_compare_ways(what, accel, rays, want, true, rtt.cases, s == RT_KDTREE ? 13 : 1);
         rt_free(accel);
     }
     if (misses)
@@ -2443,14 +2528,6 @@ static void rtt_test_refit_nested(void)
 
 /* ---- >>builds --------------------------------------------------------------------------------------------------------- */
 
-/* As rt_parallel_for demands, yet backwards: an order that no builder expects. *user counts the calls. */
-static void rtt_backwards(void *user, size_t count, void (*body)(void *context, size_t index), void *context)
-{
-    ++*(size_t *)user;
-    while (count-- > 0)
-        body(context, count);
-}
-
 typedef struct { void (*body)(void *context, size_t index); void *context; size_t count, next; pthread_mutex_t lock; } rtt_work;
 
 static void *rtt_worker(void *pointer)
@@ -2468,17 +2545,28 @@ static void *rtt_worker(void *pointer)
     }
 }
 
-static void rtt_threaded(void *user, size_t count, void (*body)(void *context, size_t index), void *context)
+static void rtt_threads(size_t thread_count, size_t count, void (*body)(void *context, size_t index), void *context)
 {
-    pthread_t threads[4];
+    pthread_t threads[8];
     rtt_work work = { body, context, count, 0, PTHREAD_MUTEX_INITIALIZER };
 
-    ++*(size_t *)user;
-    for (size_t i = 0; i < RTT_COUNT(threads); i++)
+    for (size_t i = 0; i < thread_count; i++)
         if (pthread_create(&threads[i], NULL, rtt_worker, &work) != 0)
             rtt_die("cannot start a thread");
-    for (size_t i = 0; i < RTT_COUNT(threads); i++)
+    for (size_t i = 0; i < thread_count; i++)
         pthread_join(threads[i], NULL);
+}
+
+static void rtt_threaded(void *user, size_t count, void (*body)(void *context, size_t index), void *context)
+{
+    ++*(size_t *)user;
+    rtt_threads(2, count, body, context);
+}
+
+static void rtt_threaded_7(void *user, size_t count, void (*body)(void *context, size_t index), void *context)
+{
+    ++*(size_t *)user;
+    rtt_threads(7, count, body, context);
 }
 
 static bool rtt_same_bytes(const void *a, const void *b, size_t size) { return (!a && !b) || (a && b && memcmp(a, b, size) == 0); }
@@ -2490,24 +2578,33 @@ static bool rtt_same_tree(const rt_accel *a, const rt_accel *b)
            && rtt_same_bytes(a->triangles, b->triangles, a->slots[RTI_TRIANGLE] * sizeof *a->triangles)
            && rtt_same_bytes(a->triangle_ids, b->triangle_ids, a->slots[RTI_TRIANGLE] * sizeof *a->triangle_ids)
            && rtt_same_bytes(a->balls, b->balls, a->slots[RTI_SPHERE] * sizeof *a->balls)
-           && rtt_same_bytes(a->ball_ids, b->ball_ids, a->slots[RTI_SPHERE] * sizeof *a->ball_ids);
+           && rtt_same_bytes(a->ball_ids, b->ball_ids, a->slots[RTI_SPHERE] * sizeof *a->ball_ids)
+           && rtt_same_bytes(a->kdnodes, b->kdnodes, a->node_count * sizeof *a->kdnodes) && a->kdpart_count == b->kdpart_count
+           && rtt_same_bytes(a->kdlinks, b->kdlinks, a->node_count / 2 * sizeof *a->kdlinks)
+           && rtt_same_bytes(a->kdparts, b->kdparts, a->kdpart_count * sizeof *a->kdparts);
 }
 
 /* The same tree, bit for bit, with any parallel_for. */
 static void rtt_test_parallel(void)
 {
     static const size_t sizes[] = { 1, 2, 5, 100, 3000, 200000 };
-    static const rt_parallel_for loops[] = { rtt_backwards, rtt_threaded };
+    static const rt_parallel_for loops[] = { rtt_backwards, rtt_threaded, rtt_threaded_7 };
     rtt_random random = rtt_stream();
 
     for (size_t s = 0; s < RTT_COUNT(sizes); s++)
-        for (int reference = 0; reference < 2; reference++) {
+        for (int kind = 0; kind < 2 * RT_STRUCTURE_COUNT; kind++) {
             size_t n = sizes[s] > 10000 ? sizes[s] / RTT_SCALE : sizes[s];
             rtt_model model = { 0 };
             rt_build_options options;
             rt_geometry geometry;
             rt_accel *serial, *parallel;
 
+            memset(&options, 0, sizeof options);
+            options.structure = (rt_structure)(kind / 2);
+            options.reference = kind % 2 == 1;
+            options.skip_invalid = true;
+            if (!rtt_structure_built(options.structure))
+                continue;
             rtt_cloud(&model, &random, n - n / 3, rtt_origin, 1, 0.01f);
             rtt_balls(&model, &random, n / 6, rtt_origin, 1, 0.01f);
             for (size_t i = 0; i < n / 3 - n / 6; i++)
@@ -2515,9 +2612,6 @@ static void rtt_test_parallel(void)
             if (s > 1)
                 model.vertices[9] = NAN;
             geometry = rtt_geometry(&model);
-            memset(&options, 0, sizeof options);
-            options.reference = reference == 1;
-            options.skip_invalid = true;
             if (!CHECK_STATUS(rt_build(&serial, &geometry, &options), RT_OK))
                 break;
             for (size_t k = 0; k < RTT_COUNT(loops); k++) {
@@ -2544,7 +2638,7 @@ static void rtt_test_bad_primitives(void)
     rtt_random random = rtt_stream();
 
     for (size_t i = 0; i < 2 * RTT_COUNT(bad) + 8; i++)
-        for (int threads = 0; threads < 2; threads++) {
+        for (int kind = 0; kind < 2 * RT_STRUCTURE_COUNT; kind++) {
             rtt_model model = { 0 };
             rt_build_options options;
             rt_geometry geometry;
@@ -2553,6 +2647,8 @@ static void rtt_test_bad_primitives(void)
             rt_error error;
             rt_info info;
 
+            if (!rtt_structure_built((rt_structure)(kind / 2)))
+                continue;
             rtt_cloud(&model, &random, many, rtt_origin, 1, 0.1f);
             rtt_balls(&model, &random, 10, rtt_origin, 1, 0.1f);
             if (i < RTT_COUNT(bad)) {
@@ -2571,8 +2667,9 @@ static void rtt_test_bad_primitives(void)
             }
             geometry = rtt_geometry(&model);
             memset(&options, 0, sizeof options);
+            options.structure = (rt_structure)(kind / 2);
             options.error = &error;
-            options.parallel_for = threads ? rtt_threaded : NULL;
+            options.parallel_for = kind % 2 ? rtt_threaded : NULL;
             options.parallel_user = &calls;
             CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_ERROR_GEOMETRY);
             CHECK(accel == NULL && error.status == RT_ERROR_GEOMETRY && error.prim == first);
@@ -2602,7 +2699,7 @@ static void rtt_test_layouts(void)
     rtt_rays_mixed(&rays, &random, rtt_origin, 1, 200);
     want = (rt_hit *)rtt_array(rays.count, sizeof *want);
     rtt_oracle_all(&model, &rays, want);
-    for (int kind = 0; kind < 8; kind++) {
+    for (int kind = 0; kind < 8 * RT_STRUCTURE_COUNT; kind++) {
         size_t stride = kind & 2 ? 5 : 3, size = stride * model.vertex_count;
         float *vertices = (float *)rtt_array(size, sizeof *vertices);
         rt_geometry geometry = rtt_geometry(&model);
@@ -2616,11 +2713,12 @@ static void rtt_test_layouts(void)
         if (kind & 1)
             geometry.indices = NULL;
         memset(&options, 0, sizeof options);
+        options.structure = (rt_structure)(kind / 8);
         options.reference = (kind & 4) != 0;
-        if (CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK)) {
+        if (rtt_structure_built(options.structure) && CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK)) {
             rtt_check_accel("layout", accel, &geometry);
             rtt_compare_all("layout", accel, &rays, want);
-            CHECK_STATUS(rt_refit(accel, &geometry), RT_OK);
+            CHECK_STATUS(rt_refit(accel, &geometry), options.structure == RT_KDTREE ? RT_ERROR_UNSUPPORTED : RT_OK);
             for (size_t i = 0; !options.reference && i < size; i++)
                 vertices[i] = NAN;
             rtt_compare_all("layout", accel, &rays, want);
@@ -2695,13 +2793,18 @@ static void rtt_test_quality(void)
     rtt_cube(&model, 40, true, 1, rtt_origin);
     rtt_cloud(&model, &random, 5000, rtt_origin, 1, 0.05f);
     geometry = rtt_geometry(&model);
-    for (size_t i = 0; i < RTT_COUNT(order); i++) {
+    for (size_t i = 0; i < RTT_COUNT(order) * RT_STRUCTURE_COUNT; i++) {
         rt_build_options options;
         rt_accel *accel;
         rt_info info;
 
         memset(&options, 0, sizeof options);
-        options.quality = order[i];
+        options.structure = (rt_structure)(i / RTT_COUNT(order));
+        options.quality = order[i % RTT_COUNT(order)];
+        if (!rtt_structure_built(options.structure))
+            continue;
+        if (i % RTT_COUNT(order) == 0)
+            sah = HUGE_VAL;
         if (!CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK))
             break;
         rt_get_info(accel, &info);
@@ -2756,23 +2859,28 @@ static void rtt_test_out_of_memory(void)
     size_t live = rtt_heap.live;
 
     for (size_t s = 0; s < RTT_COUNT(sizes); s++)
-        for (int kind = 0; kind < 4; kind++) {
+        for (int kind = 0; kind < 4 * RT_STRUCTURE_COUNT; kind++) {
             rtt_model model = { 0 }, child = { 0 };
             rt_build_options options;
             size_t calls = 0;
 
             memset(&options, 0, sizeof options);
-            options.reference = kind == 1;
-            options.skip_invalid = kind == 2;
-            options.parallel_for = kind == 3 ? rtt_threaded : NULL;
+            options.structure = (rt_structure)(kind / 4);
+            options.reference = kind % 4 == 1;
+            options.skip_invalid = kind % 4 == 2;
+            options.parallel_for = kind % 4 == 3 ? rtt_threaded : NULL;
             options.parallel_user = &calls;
+            if (!rtt_structure_built(options.structure))
+                continue;
             if (sizes[s] > 0) {
-                rtt_cloud(&model, &random, sizes[s], rtt_origin, 1, 0.1f);
-                rtt_balls(&model, &random, sizes[s] / 2, rtt_origin, 1, 0.1f);
+                size_t n = kind < 4 || sizes[s] < 4096 ? sizes[s] : 4096;              /* more than one task in any case */
+
+                rtt_cloud(&model, &random, n, rtt_origin, 1, 0.1f);
+                rtt_balls(&model, &random, n / 2, rtt_origin, 1, 0.1f);
                 rtt_cloud(&child, &random, 4, rtt_origin, 1, 0.1f);
-                if (sizes[s] < 1000)
+                if (n < 1000)
                     rtt_place(&model, &child, rtt_v(1, 1, 1), rtt_v(0, 0, 1));
-                if (kind == 2)
+                if (kind % 4 == 2)
                     model.vertices[0] = NAN;
             }
             rtt_fail_each(&model, options);
@@ -2809,32 +2917,26 @@ static void rtt_refused(const rt_accel *accel, rt_trace_options options, rt_stat
 
 static void rtt_test_trace_options(void)
 {
-    static const float triangle[] = { 0, 0, 0, 1, 0, 0, 0, 1, 0 };
     const rt_algorithm_info *info;
     rt_trace_options options;
-    rt_geometry geometry;
-    rt_accel *accel, *accels[RT_STRUCTURE_COUNT] = { NULL };
+    rtt_model model = { 0 };
+    rtt_accels accels;
+    const rt_accel *accel;
     rt_ray ray = { { 0.2f, 0.2f, 1 }, 0, { 0, 0, -1 }, INFINITY };
     rt_hit hit;
 
-    memset(&geometry, 0, sizeof geometry);
-    geometry.vertices = triangle;
-    geometry.vertex_count = 3;
-    geometry.triangle_count = 1;
-    for (int s = 0; s < RT_STRUCTURE_COUNT; s++) {
-        rt_build_options build;
-
-        memset(&build, 0, sizeof build);
-        build.structure = (rt_structure)s;
-        if (rtt_structure_built(build.structure) && !CHECK_STATUS(rt_build(&accels[s], &geometry, &build), RT_OK))
-            return;
-    }
-    accel = accels[RT_BVH];
-    for (size_t i = 0; (info = rt_algorithm_get(i)) != NULL; i++) {
+    rtt_face(&model, rtt_origin, rtt_v(1, 0, 0), rtt_v(0, 1, 0));
+    if (!rtt_accels_build(&accels, &model))
+        return;
+    for (size_t k = 0; (info = rt_algorithm_get(k % RT_ALGORITHM_COUNT)) != NULL && k < RT_ALGORITHM_COUNT * RT_STRUCTURE_COUNT; k++) {
         int widths[64], unset = 0x5a5a;
-        size_t count = rt_packet_widths(info->algorithm, widths, RTT_COUNT(widths));
-        char number[16];
+        size_t i = k % RT_ALGORITHM_COUNT, count = rt_packet_widths(info->algorithm, widths, RTT_COUNT(widths)), used = 0;
+        rt_structure structure = (rt_structure)(k / RT_ALGORITHM_COUNT);
+        char list[200];
 
+        accel = accels.of[structure];
+        if (!accel)
+            continue;
         CHECK(info->algorithm == (rt_algorithm)i && info->name[0] && info->what[0]);
         CHECK(count <= RTT_COUNT(widths) && rt_packet_widths(info->algorithm, NULL, 0) == count);
         memset(&options, 0, sizeof options);
@@ -2845,7 +2947,17 @@ static void rtt_test_trace_options(void)
             continue;
         }
         CHECK(count > 0);
-        accel = accels[info->structure == RT_STRUCTURE_COUNT ? RT_BVH : info->structure];
+        if (info->structure != RT_STRUCTURE_COUNT && info->structure != structure) {
+            const rt_algorithm_info *other;
+
+            rtt_refused(accel, options, RT_ERROR_ARGUMENT, info->name);
+            for (size_t o = 0; (other = rt_algorithm_get(o)) != NULL; o++)         /* the message lists what this accel takes */
+                if (other->built && (other->structure == structure || other->structure == RT_STRUCTURE_COUNT))
+                    rtt_refused(accel, options, RT_ERROR_ARGUMENT, other->name);
+            continue;
+        }
+        for (size_t w = 0; w < count; w++)
+            used += (size_t)snprintf(list + used, sizeof list - used, w ? ", %d" : ": %d", widths[w]);
         if (count > 1) {                    /* no more is written than there is room for */
             int room[2] = { unset, unset };
 
@@ -2857,11 +2969,10 @@ static void rtt_test_trace_options(void)
             for (size_t w = 0; w < count; w++)
                 listed = listed || widths[w] == width;
             options.packet_width = width;
-            snprintf(number, sizeof number, "%d", widths[count - 1]);
             if (listed)
                 CHECK_STATUS(rt_trace(accel, &options, &ray, 1, &hit), RT_OK);
             else
-                rtt_refused(accel, options, RT_ERROR_ARGUMENT, number);
+                rtt_refused(accel, options, RT_ERROR_ARGUMENT, list);
         }
         options.packet_width = 0;
         for (int cull = 1; cull < RT_CULL_COUNT; cull++) {
@@ -2882,9 +2993,9 @@ static void rtt_test_trace_options(void)
                 rtt_refused(accel, options, RT_ERROR_UNSUPPORTED, rtt_isa_names[isa]);
         }
     }
-    accel = accels[RT_BVH];
     CHECK(rt_algorithm_get(RT_ALGORITHM_COUNT) == NULL && rt_algorithm_get(SIZE_MAX) == NULL);
     CHECK(rt_packet_widths((rt_algorithm)RT_ALGORITHM_COUNT, NULL, 0) == 0);
+    accel = accels.of[RT_BVH];
     for (int bad = 0; bad < 8; bad++) {
         int value = bad % 2 ? 1000 : -1;
 
@@ -2905,8 +3016,8 @@ static void rtt_test_trace_options(void)
     CHECK_STATUS(rt_trace(NULL, &options, &ray, 1, &hit), RT_ERROR_ARGUMENT);
     CHECK_STATUS(rt_trace(accel, &options, NULL, 1, &hit), RT_ERROR_ARGUMENT);
     CHECK_STATUS(rt_trace(accel, &options, &ray, 1, NULL), RT_ERROR_ARGUMENT);
-    for (int s = 0; s < RT_STRUCTURE_COUNT; s++)
-        rt_free(accels[s]);
+    rtt_accels_free(&accels);
+    rtt_model_free(&model);
 }
 
 static void rtt_test_build_options(void)
@@ -2918,6 +3029,18 @@ static void rtt_test_build_options(void)
         { 0, RT_ERROR_ARGUMENT }, { 1, RT_ERROR_ARGUMENT }, { 2, RT_ERROR_ARGUMENT }, { 3, RT_ERROR_ARGUMENT }, { 4, RT_ERROR_ARGUMENT },
         { 5, RT_ERROR_ARGUMENT }, { 6, RT_ERROR_ARGUMENT }, { 7, RT_ERROR_ARGUMENT }, { 8, RT_ERROR_ARGUMENT }, { 9, RT_ERROR_LIMIT },
         { 10, RT_ERROR_LIMIT }, { 11, RT_ERROR_GEOMETRY }, { 12, RT_ERROR_LIMIT }
+    };
+    const struct { size_t offset; float value; const char *name, *allowed; } bad[] = {
+        { offsetof(rt_build_options, traversal_cost), -1, "traversal_cost", "0" },
+        { offsetof(rt_build_options, traversal_cost), -0x1p-149f, "traversal_cost", "0" },
+        { offsetof(rt_build_options, traversal_cost), NAN, "traversal_cost", "0" },
+        { offsetof(rt_build_options, traversal_cost), INFINITY, "traversal_cost", "0" },
+        { offsetof(rt_build_options, empty_bonus), NAN, "empty_bonus", "1" },
+        { offsetof(rt_build_options, empty_bonus), 0x1.000002p0f, "empty_bonus", "1" },
+        { offsetof(rt_build_options, empty_bonus), INFINITY, "empty_bonus", "1" },
+        { offsetof(rt_build_options, max_duplication), 0x1.fffffep-1f, "max_duplication", "1" },
+        { offsetof(rt_build_options, max_duplication), -4, "max_duplication", "1" },
+        { offsetof(rt_build_options, max_duplication), NAN, "max_duplication", "1" },
     };
     rt_instance no_accel;
     rt_geometry whole;
@@ -2973,6 +3096,23 @@ static void rtt_test_build_options(void)
         }
         rt_free(accel);
     }
+    for (size_t i = 0; i < RTT_COUNT(bad) * RT_STRUCTURE_COUNT; i++) {
+        rt_build_options options;
+        rt_error error;
+
+        memset(&options, 0, sizeof options);
+        memset(&error, 0, sizeof error);
+        options.structure = (rt_structure)(i / RTT_COUNT(bad));
+        options.error = &error;
+        memcpy((char *)&options + bad[i % RTT_COUNT(bad)].offset, &bad[i % RTT_COUNT(bad)].value, sizeof(float));
+        if (!rtt_structure_built(options.structure))
+            continue;
+        accel = (rt_accel *)(void *)&error;
+        CHECK_STATUS(rt_build(&accel, &whole, &options), RT_ERROR_ARGUMENT);
+        if (accel || error.status != RT_ERROR_ARGUMENT || error.prim != RT_NONE || !strstr(error.message, bad[i % RTT_COUNT(bad)].name)
+            || !strstr(error.message, bad[i % RTT_COUNT(bad)].allowed) || strchr(error.message, '\n'))
+            rtt_fail("%s %g: \"%s\"", bad[i % RTT_COUNT(bad)].name, (double)bad[i % RTT_COUNT(bad)].value, error.message);
+    }
     CHECK_STATUS(rt_build(NULL, &whole, NULL), RT_ERROR_ARGUMENT);
     CHECK_STATUS(rt_build(&accel, NULL, NULL), RT_ERROR_ARGUMENT);
     CHECK(accel == NULL);
@@ -2999,8 +3139,7 @@ static void rtt_test_stats(void)
     rtt_random random = rtt_stream();
     rtt_model model = { 0 }, child = { 0 };
     rtt_rays rays = { 0 };
-    rt_geometry geometry;
-    rt_accel *accel;
+    rtt_accels accels;
     rt_hit *hits, *want;
     size_t legal = 0, hit = 0;
 
@@ -3016,20 +3155,19 @@ static void rtt_test_stats(void)
         legal += rtt_legal(&rays.ray[i]);
         hit += want[i].prim != RT_NONE;
     }
-    geometry = rtt_geometry(&model);
-    if (CHECK_STATUS(rt_build(&accel, &geometry, NULL), RT_OK)) {
+    if (rtt_accels_build(&accels, &model))
         for (size_t w = 0; w < rtt_way_count; w++) {
             rt_trace_options options = rtt_ways[w].options;
+            const rt_accel *accel = rtt_accels_for(&accels, &rtt_ways[w]);
+            bool boxed = accel == accels.of[RT_BVH];
             rt_stats once, twice;
 
-            if (rtt_ways[w].structure != RT_STRUCTURE_COUNT && rtt_ways[w].structure != RT_BVH)
-                continue;
             memset(&once, 0, sizeof once);
             options.stats = &once;
             CHECK_STATUS(rt_trace(accel, &options, rays.ray, rays.count, hits), RT_OK);
             rtt_compare("with stats", rtt_ways[w].label, &rays, hits, want, options.query == RT_ANY, true);
-            if (once.rays != legal || once.prims < hit || once.nodes < hit || once.boxes < once.nodes || once.prims > legal * 2101
-                || once.active < once.steps || once.restarts || once.drops)
+            if (once.rays != legal || once.prims < hit || once.nodes < hit || once.leaves < hit || (boxed && once.boxes < once.nodes)
+                || (boxed && once.prims > legal * 2101) || once.active < once.steps || (boxed && (once.restarts || once.drops)))
                 rtt_fail("%s: rays %llu nodes %llu boxes %llu prims %llu steps %llu active %llu", rtt_ways[w].label,
                          (unsigned long long)once.rays, (unsigned long long)once.nodes, (unsigned long long)once.boxes,
                          (unsigned long long)once.prims, (unsigned long long)once.steps, (unsigned long long)once.active);
@@ -3037,10 +3175,11 @@ static void rtt_test_stats(void)
             options.stats = &twice;
             CHECK_STATUS(rt_trace(accel, &options, rays.ray, rays.count, hits), RT_OK);
             CHECK(twice.rays == 2 * once.rays && twice.nodes == 2 * once.nodes && twice.boxes == 2 * once.boxes
-                  && twice.prims == 2 * once.prims && twice.pushes == 2 * once.pushes && twice.active == 2 * once.active);
+                  && twice.prims == 2 * once.prims && twice.pushes == 2 * once.pushes && twice.active == 2 * once.active
+                  && twice.leaves == 2 * once.leaves && twice.restarts == 2 * once.restarts && twice.drops == 2 * once.drops
+                  && twice.steps == 2 * once.steps);
         }
-        rt_free(accel);
-    }
+    rtt_accels_free(&accels);
     free(want);
     free(hits);
     rtt_rays_free(&rays);
@@ -3049,9 +3188,646 @@ static void rtt_test_stats(void)
 }
 #endif
 
+/* ---- >>kdtree ---------------------------------------------------------------------------------------------------------- */
+
+/* Scenes that put primitives where splitting planes will be, and rays into them. child: for those that instance something. */
+typedef void (*rtt_maker)(rtt_model *model, rtt_model *child, rtt_random *random);
+
+/* The walls of 4 x 4 x 4 rooms, so that cells meet by twos, fours and eights. */
+static void rtt_make_rooms(rtt_model *model, rtt_model *child, rtt_random *random)
+{
+    (void)child, (void)random;
+    for (unsigned axis = 0; axis < 3; axis++)
+        for (int wall = 0; wall <= 4; wall++)
+            for (int i = 0; i < 16; i++) {
+                rt_vec3 u = rtt_axis((2 * axis + 2) % 6), v = rtt_axis((2 * axis + 4) % 6);
+                rt_vec3 corner = rtt_mul(rtt_axis(2 * axis), (float)wall);
+
+                corner = rtt_add(corner, rtt_add(rtt_mul(u, (float)(i % 4)), rtt_mul(v, (float)(i / 4))));
+                rtt_quad(model, corner, u, v);
+            }
+}
+
+/* Closed boxes of whole sizes on whole numbers, apart, touching and one in another. */
+static void rtt_make_boxes(rtt_model *model, rtt_model *child, rtt_random *random)
+{
+    (void)child;
+    for (int i = 0; i < 12; i++) {
+        rt_vec3 middle = rtt_add(rtt_lattice(random, 2), rtt_v(2, 2, 2));
+
+        rtt_cube(model, 1, false, 0.5f * (float)(1 + i % 3), middle);
+    }
+}
+
+/* Everything in one plane: boxes and cells without any thickness along that axis. */
+static void rtt_make_flat(rtt_model *model, rtt_random *random, unsigned axis)
+{
+    rt_vec3 u = rtt_axis((2 * axis + 2) % 6), v = rtt_axis((2 * axis + 4) % 6), at = rtt_mul(rtt_axis(2 * axis), 2);
+
+    for (int i = 0; i < 16; i++)
+        rtt_quad(model, rtt_add(at, rtt_add(rtt_mul(u, (float)(i % 4)), rtt_mul(v, (float)(i / 4)))), u, v);
+    for (int i = 0; i < 60; i++) {
+        rt_vec3 corner[3];
+
+        for (int k = 0; k < 3; k++) {
+            corner[k] = rtt_add(at, rtt_mul(u, rtt_f(2 + 2 * rtt_signed(random))));
+            corner[k] = rtt_add(corner[k], rtt_mul(v, rtt_f(2 + 2 * rtt_signed(random))));
+        }
+        rtt_face(model, corner[0], corner[1], corner[2]);
+    }
+}
+static void rtt_make_flat_x(rtt_model *model, rtt_model *child, rtt_random *random) { (void)child; rtt_make_flat(model, random, 0); }
+static void rtt_make_flat_y(rtt_model *model, rtt_model *child, rtt_random *random) { (void)child; rtt_make_flat(model, random, 1); }
+static void rtt_make_flat_z(rtt_model *model, rtt_model *child, rtt_random *random) { (void)child; rtt_make_flat(model, random, 2); }
+
+/* One point: triangles and spheres without any extent, all at one place. */
+static void rtt_make_point(rtt_model *model, rtt_model *child, rtt_random *random)
+{
+    rt_vec3 p = rtt_v(1, 2, 3);
+
+    (void)child, (void)random;
+    for (int i = 0; i < 20; i++) {
+        rtt_face(model, p, p, p);
+        rtt_ball(model, p, 0);
+    }
+}
+
+/* A thousand times the same triangle, and a few others through it. */
+static void rtt_make_same(rtt_model *model, rtt_model *child, rtt_random *random)
+{
+    (void)child;
+    for (int i = 0; i < 1000; i++)
+        rtt_face(model, rtt_v(0, 1, 0), rtt_v(4, 0, 1), rtt_v(1, 4, 3));
+    rtt_cloud(model, random, 20, rtt_v(2, 2, 2), 2, 1);
+}
+
+/* Thin triangles from one side of everything to the other, along the axes and the diagonals. */
+static void rtt_make_needles(rtt_model *model, rtt_model *child, rtt_random *random)
+{
+    (void)child;
+    for (int i = 0; i < 150; i++) {
+        rt_vec3 p = rtt_point(random, rtt_v(2, 2, 2), 2), q = rtt_point(random, rtt_v(2, 2, 2), 2);
+
+        if (i % 3 == 0)
+            (&p.x)[i % 9 / 3] = 0, (&q.x)[i % 9 / 3] = 4;
+        else if (i % 3 == 1)
+            p = rtt_v(i % 2 ? 0 : 4, 0, i % 4 < 2 ? 0 : 4), q = rtt_sub(rtt_v(4, 4, 4), p);
+        rtt_face(model, p, q, rtt_add(q, rtt_mul(rtt_axis((unsigned)i % 6), ldexpf(1, -(i % 22)))));
+    }
+}
+
+/* Slivers in one direction, side by side and across each other, among small triangles. */
+static void rtt_make_slivers(rtt_model *model, rtt_model *child, rtt_random *random)
+{
+    (void)child;
+    for (int i = 0; i < 60; i++) {
+        float s = 4 * (float)i / 60;
+
+        rtt_face(model, rtt_v(0, s, 0), rtt_v(4, s, 4), rtt_v(4, s + 0.01f, 4));
+        rtt_face(model, rtt_v(s, 0, 4), rtt_v(s + 0.01f, 4, 0), rtt_v(s, 4, 0));
+    }
+    rtt_cloud(model, random, 60, rtt_v(2, 2, 2), 2, 0.1f);
+}
+
+/* Spheres over many cells, cells that lie inside one, walls that touch a plane, and little to make the planes with. */
+static void rtt_make_bubbles(rtt_model *model, rtt_model *child, rtt_random *random)
+{
+    (void)child;
+    rtt_ball(model, rtt_v(2, 2, 2), 40);
+    rtt_ball(model, rtt_v(2, 2, 2), 4);
+    rtt_ball(model, rtt_v(2, 2, 2), 2);
+    for (int i = 0; i < 8; i++)
+        rtt_ball(model, rtt_v(i & 1 ? 3 : 1, i & 2 ? 3 : 1, i & 4 ? 3 : 1), 1);
+    rtt_balls(model, random, 40, rtt_v(2, 2, 2), 2, 0.2f);
+    rtt_cloud(model, random, 40, rtt_v(2, 2, 2), 2, 0.2f);
+}
+
+/* Triangles, spheres and instances at the same places: leaves of all kinds. */
+static void rtt_make_kinds(rtt_model *model, rtt_model *child, rtt_random *random)
+{
+    rtt_cube(child, 1, false, 0.5f, rtt_origin);
+    rtt_ball(child, rtt_origin, 0.6f);
+    for (int i = 0; i < 27; i++) {
+        rt_vec3 p = rtt_v((float)(2 * (i % 3)), (float)(2 * (i / 3 % 3)), (float)(2 * (i / 9)));
+
+        rtt_quad(model, rtt_sub(p, rtt_v(0.5f, 0.5f, 0)), rtt_v(1, 0, 0), rtt_v(0, 1, 0));
+        rtt_ball(model, p, 0.5f);
+        if (i % 2)
+            rtt_place(model, child, rtt_v(1, 1, 1), p);
+    }
+    rtt_cloud(model, random, 20, rtt_v(2, 2, 2), 2, 1);
+}
+
+/* Instances over each other, turned and not, of children with planes of their own. */
+static void rtt_make_overlaps(rtt_model *model, rtt_model *child, rtt_random *random)
+{
+    rtt_make_boxes(child, NULL, random);
+    for (int i = 0; i < 8; i++)
+        rtt_place(model, child, rtt_v(i & 1 ? 1 : 0.5f, i & 2 ? 1 : -1, i & 4 ? 1 : 0.25f), rtt_v(0, i & 2 ? 0 : 4, (float)(i / 4)));
+    for (int i = 0; i < 4; i++) {
+        float matrix[12];
+
+        rtt_matrix(random, 1, rtt_point(random, rtt_v(2, 2, 2), 1), matrix);
+        rtt_instance(model, child, matrix);
+    }
+}
+
+static void rtt_make_cloud(rtt_model *model, rtt_model *child, rtt_random *random)
+{
+    (void)child;
+    rtt_cloud(model, random, 300, rtt_v(2, 2, 2), 2, 0.4f);
+}
+
+/* All lie in [0, 4]^3, more or less. */
+static const struct { const char *name; rtt_maker make; rt_structure child; size_t rays; } rtt_scenes[] = {
+    { "rooms", rtt_make_rooms, RT_BVH, 600 }, { "boxes", rtt_make_boxes, RT_BVH, 600 }, { "flat x", rtt_make_flat_x, RT_BVH, 300 },
+    { "flat y", rtt_make_flat_y, RT_BVH, 300 }, { "flat z", rtt_make_flat_z, RT_BVH, 300 }, { "point", rtt_make_point, RT_BVH, 200 },
+    { "same", rtt_make_same, RT_BVH, 120 }, { "needles", rtt_make_needles, RT_BVH, 400 }, { "slivers", rtt_make_slivers, RT_BVH, 400 },
+    { "bubbles", rtt_make_bubbles, RT_BVH, 600 }, { "kinds, bvh", rtt_make_kinds, RT_BVH, 300 }, { "cloud", rtt_make_cloud, RT_BVH, 300 },
+    { "kinds, kd", rtt_make_kinds, RT_KDTREE, 300 }, { "overlaps, bvh", rtt_make_overlaps, RT_BVH, 120 },
+    { "overlaps, kd", rtt_make_overlaps, RT_KDTREE, 120 },
+};
+
+/* How a scene is stretched and moved; offsets are added after the scale. */
+static const struct { float scale, offset; } rtt_placings[] = {
+    { 1, 0 }, { 0.1f, 1 }, { 1e-3f, -1000 }, { 0x1p-60f, 0 }, { 0x1p40f, 0 }, { 2e16f, -3e17f }
+};
+
+static void rtt_scene_make(rtt_model *model, rtt_model *child, rtt_random *random, size_t scene, size_t placing)
+{
+    float scale = rtt_placings[placing].scale, offset = rtt_placings[placing].offset;
+
+    child->structure = rtt_scenes[scene].child;
+    rtt_scenes[scene].make(model, child, random);
+    for (size_t i = 0; i < 3 * model->vertex_count; i++)
+        model->vertices[i] = rtt_f(rtt_f(model->vertices[i] * scale) + offset);
+    for (size_t i = 0; i < model->sphere_count; i++) {
+        model->spheres[i].center = rtt_to(model->spheres[i].center, scale, rtt_v(offset, offset, offset));
+        model->spheres[i].radius = rtt_f(model->spheres[i].radius * (scale > 1e15f ? 1e15f : scale));
+    }
+    for (size_t i = 0; i < model->instance_count; i++)
+        for (int k = 0; k < 12; k++)
+            model->instances[i].transform[k] = rtt_f(rtt_f(model->instances[i].transform[k] * scale) + (k % 4 == 3 ? offset : 0));
+}
+
+/* A whole number of units between -1 and 5. */
+static float rtt_plane(rtt_random *random) { return (float)rtt_below(random, 7) - 1; }
+
+/* Rays that decide at planes: in them, along the lines and through the points where they meet, within an ulp of either side, starting
+   on them, from far away, nearly parallel to them. Neighbours in a batch point to all sides. */
+static void rtt_rays_planes(rtt_rays *rays, rtt_random *random, const rtt_model *model, float scale, float offset, size_t count)
+{
+    static const float small[] = { 0.0f, -0.0f, 0x1p-149f, -0x1p-149f, 1e-38f, -1e-38f, 1e-20f, -1e-20f, 1e-7f, -1e-7f, 0x1p-24f };
+
+    for (size_t i = 0; i < count; i++) {
+        rt_vec3 place = rtt_v(offset, offset, offset), target, dir = rtt_lattice(random, 1), back;
+        int axis = (int)rtt_below(random, 3);
+        float distance, tmin = i % 8 == 7 ? -INFINITY : 0;
+
+        target.x = rtt_plane(random), target.y = rtt_plane(random), target.z = rtt_plane(random);
+        if (i % 3 == 0)                     /* in one plane, or in two, but nowhere special in the others */
+            (&target.x)[axis] = rtt_f(2 + 2 * rtt_signed(random));
+        target = i % 5 == 4 ? rtt_feature(model, random) : rtt_to(target, scale, place);
+        if (dir.x == 0 && dir.y == 0 && dir.z == 0)
+            dir = rtt_axis(rtt_below(random, 6));
+        if (i % 4 == 1)                     /* no longer in the plane, or along it */
+            (&target.x)[axis] = nextafterf((&target.x)[axis], i % 8 < 4 ? INFINITY : -INFINITY);
+        if (i % 4 == 2) {
+            (&dir.x)[axis] = small[rtt_below(random, RTT_COUNT(small))];
+            (&dir.x)[(axis + 1) % 3] = rtt_bits(random) & 1 ? 1 : -0.5f;
+        }
+        if (i % 4 == 3) {
+            dir = rtt_point(random, rtt_origin, 1);
+            dir = rtt_mul(dir, ldexpf(1, (int)rtt_below(random, 80) - 40));
+        }
+        switch (i / 4 % 4) {
+        case 0: distance = 0; break;        /* starts there */
+        case 1: distance = rtt_f(scale * (float)(1 + rtt_below(random, 8))); break;
+        case 2: distance = rtt_f(scale * rtt_f(8 * rtt_signed(random))); break;
+        default: distance = rtt_f(scale * ldexpf(1, (int)rtt_below(random, 60))); break;
+        }
+        back = rtt_mul(dir, distance);
+        if (fabsf(back.x) > 9e17f || fabsf(back.y) > 9e17f || fabsf(back.z) > 9e17f)
+            back = rtt_origin;
+        rtt_segment(rays, rtt_sub(target, back), dir, tmin, i % 16 == 5 ? rtt_f(2 * distance) : INFINITY);
+        if (i % 4 == 0)
+            rtt_aim(rays, rtt_to(rtt_lattice(random, 8), scale, place), target);
+    }
+}
+
+static void rtt_test_kd_planes(void)
+{
+    rtt_random random = rtt_stream();
+
+    for (size_t scene = 0; scene < RTT_COUNT(rtt_scenes); scene++)
+        for (size_t placing = 0; placing < RTT_COUNT(rtt_placings); placing++) {
+            float scale = rtt_placings[placing].scale, offset = rtt_placings[placing].offset;
+            rt_vec3 middle = rtt_v(rtt_f(2 * scale + offset), rtt_f(2 * scale + offset), rtt_f(2 * scale + offset));
+            rtt_model model = { 0 }, child = { 0 };
+            rtt_rays rays = { 0 };
+            char what[64];
+
+            snprintf(what, sizeof what, "%s, scale %g offset %g", rtt_scenes[scene].name, (double)scale, (double)offset);
+            rtt_scene_make(&model, &child, &random, scene, placing);
+            rtt_rays_planes(&rays, &random, &model, scale, offset, rtt_scenes[scene].rays / (placing ? 4 : 1));
+            rtt_rays_mixed(&rays, &random, middle, rtt_f(2 * scale), 24);
+            rtt_rays_pinhole(&rays, rtt_add(middle, rtt_v(0, 0, -4 * scale)), middle, rtt_f(2 * scale), 7);
+            rtt_rays_tighten(&rays, &model, 16);
+            rtt_check(what, &model, &rays);
+            rtt_model_free(&model);
+            rtt_model_free(&child);
+            rtt_rays_free(&rays);
+        }
+}
+
+/* As deep as allowed with the structures by turns, beginning with either: hits are the same, and name the same path. */
+static void rtt_test_kd_nested(void)
+{
+    for (int first = 0; first < 2; first++) {
+        rtt_random random = rtt_stream();
+        rtt_model level[RT_MAX_NESTING + 1];
+        rtt_rays rays = { 0 };
+
+        memset(level, 0, sizeof level);
+        rtt_make_boxes(&level[0], NULL, &random);
+        for (int k = 0; k < RT_MAX_NESTING; k++) {
+            float matrix[12];
+
+            level[k].structure = (k + first) % 2 ? RT_KDTREE : RT_BVH;
+            rtt_place(&level[k + 1], &level[k], rtt_v(1, k % 3 ? 1 : -1, 1), rtt_v(0, k % 3 ? 0 : 4, 0));
+            if (k % 4 == 1) {
+                rtt_matrix(&random, 1, rtt_origin, matrix);
+                rtt_instance(&level[k + 1], &level[k], matrix);
+            }
+            rtt_quad(&level[k + 1], rtt_v(0, 0, (float)k / 2), rtt_v(4, 0, 0), rtt_v(0, 4, 0));
+            rtt_ball(&level[k + 1], rtt_v((float)k / 2, 2, 2), 0.25f);
+        }
+        rtt_rays_planes(&rays, &random, &level[RT_MAX_NESTING], 1, 0, 60);
+        CHECK(rtt_hits(&level[RT_MAX_NESTING], &rays) > rays.count / 4);
+        rtt_check("nested by turns", &level[RT_MAX_NESTING], &rays);
+        for (size_t k = RTT_COUNT(level); k-- > 0;)
+            rtt_model_free(&level[k]);
+        rtt_rays_free(&rays);
+    }
+}
+
+/* Primitives that lie in ever more cells the finer the tree: references stay below the limit, depth and time bounded, hits right. */
+static void rtt_test_kd_limits(void)
+{
+    enum { COUNT = 2000 };
+    static const float limits[] = { 1, 1.5f, 0, 2, 10 };               /* 0: the default, 4 */
+    rtt_random random = rtt_stream();
+    double plain = 0;
+
+    for (int kind = 0; kind < 7; kind++) {
+        rtt_model model = { 0 };
+        rtt_rays rays = { 0 };
+        rt_geometry geometry;
+        rt_hit *want;
+
+        for (int i = 0; i < COUNT; i++) {
+            rt_vec3 p = rtt_point(&random, rtt_origin, 1), q = rtt_point(&random, rtt_origin, 1);
+            float s = (float)i / COUNT;
+
+            switch (kind) {
+            case 0: rtt_face(&model, p, rtt_add(p, rtt_mul(q, 0.05f)), rtt_add(p, rtt_v(0, 0.05f, 0))); break;
+            case 1: rtt_face(&model, p, rtt_mul(p, -1), rtt_add(p, rtt_v(0, 1e-4f, 0))); break;             /* all through the middle */
+            case 2: rtt_face(&model, rtt_v(-1, -1, s), rtt_v(1, 1, -s), rtt_v(1, 1, 1e-5f - s)); break;     /* one diagonal, a fan */
+            case 3: rtt_face(&model, p, q, rtt_point(&random, rtt_origin, 1)); break;                       /* large, anywhere */
+            case 4: rtt_ball(&model, rtt_mul(p, 0.01f), 1 + s); break;                                      /* onions */
+            case 5: rtt_face(&model, rtt_v(-1, -1, -1), rtt_v(1, 1, 1), rtt_v(1, -1, 0)); break;            /* the same */
+            default: rtt_face(&model, rtt_mul(p, 1e-6f), rtt_mul(q, 1e6f), rtt_mul(rtt_axis((unsigned)i % 6), 1e3f)); break;
+            }
+        }
+        rtt_rays_mixed(&rays, &random, rtt_origin, 1, 24);
+        rtt_rays_features(&rays, &random, &model, 3, 24);
+        want = (rt_hit *)rtt_array(rays.count, sizeof *want);
+        rtt_oracle_all(&model, &rays, want);
+        geometry = rtt_geometry(&model);
+        for (size_t l = 0; l < RTT_COUNT(limits); l++) {
+            double start = rtt_seconds(), limit = limits[l] > 0 ? (double)limits[l] : 4;
+            rt_build_options options;
+            rt_accel *accel;
+            rt_info info;
+
+            memset(&options, 0, sizeof options);
+            options.structure = RT_KDTREE;
+            options.max_duplication = limits[l];
+            if (!CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK))
+                break;
+            start = rtt_seconds() - start;
+            if (kind == 0 && start > plain)
+                plain = start;
+            rt_get_info(accel, &info);
+            if (info.references < COUNT || (double)info.references > limit * COUNT || info.depth > RTI_MAX_DEPTH
+                || start > 30 * plain + 0.5)
+                rtt_fail("kind %d: %zu references of %d with a limit of %g, depth %d, %g s", kind, info.references, (int)COUNT, limit,
+                         info.depth, start);
+            rtt_check_accel("limits", accel, &geometry);
+            rtt_compare_ways("limits", accel, &rays, want, true, l, l ? 5 : 1);
+            rt_free(accel);
+        }
+        free(want);
+        rtt_rays_free(&rays);
+        rtt_model_free(&model);
+    }
+}
+
+/* rt_info of a k-d tree: bytes are those asked for, no_backtrack saves some, and what then lacks says why. */
+static void rtt_test_kd_info(void)
+{
+    static const float cases[][3] = { { 0, 0, 0 }, { 4, 0.9f, 0 }, { 0.25f, -1, 1 } };  /* traversal_cost, empty_bonus, max_duplication */
+    rtt_random random = rtt_stream();
+
+    for (size_t scene = 0; scene < RTT_COUNT(rtt_scenes); scene++)
+        for (size_t i = 0; i < 2 * RTT_COUNT(cases); i++) {
+            const float *c = cases[i / 2];
+            rtt_model model = { 0 }, child = { 0 };
+            rtt_rays rays = { 0 };
+            rtt_memory memory[2];
+            rt_build_options options;
+            rt_geometry geometry;
+            rt_accel *accel[2];
+            rt_info info[2];
+            rt_trace_options backtrack;
+            rt_hit *want;
+
+            rtt_scene_make(&model, &child, &random, scene, 0);
+            geometry = rtt_geometry(&model);
+            memset(memory, 0, sizeof memory);
+            memset(&options, 0, sizeof options);
+            options.structure = RT_KDTREE;
+            options.reference = i % 2 == 1;
+            options.traversal_cost = c[0], options.empty_bonus = c[1], options.max_duplication = c[2];
+            for (int without = 0; without < 2; without++) {
+                options.no_backtrack = without == 1;
+                options.memory_user = &memory[without];
+                if (!CHECK_STATUS(rt_build(&accel[without], &geometry, &options), RT_OK))
+                    return;
+                rt_get_info(accel[without], &info[without]);
+                rtt_check_accel(rtt_scenes[scene].name, accel[without], &geometry);
+                CHECK(info[without].structure == RT_KDTREE && memory[without].live - info[without].bytes < 4);     /* 1 an empty array */
+            }
+            CHECK(info[1].bytes < info[0].bytes && info[1].nodes == info[0].nodes && info[1].references == info[0].references);
+            rtt_rays_planes(&rays, &random, &model, 1, 0, 40);
+            want = (rt_hit *)rtt_array(rays.count, sizeof *want);
+            rtt_oracle_all(&model, &rays, want);
+            rtt_compare_ways("no_backtrack", accel[1], &rays, want, false, 0, 1);
+            memset(&backtrack, 0, sizeof backtrack);
+            backtrack.algorithm = RT_KD_BACKTRACK;
+            rtt_refused(accel[1], backtrack, RT_ERROR_ARGUMENT, "no_backtrack");
+            free(want);
+            rt_free(accel[0]);
+            rt_free(accel[1]);
+            CHECK(memory[0].live == 0 && memory[0].blocks == 0 && memory[1].live == 0 && memory[1].blocks == 0);
+            rtt_rays_free(&rays);
+            rtt_model_free(&model);
+            rtt_model_free(&child);
+        }
+}
+
+/* What each option of the builder is for: no gain from empty space without a bonus, a deeper tree where nodes are cheap. */
+static void rtt_test_kd_options(void)
+{
+    rtt_random random = rtt_stream();
+    rtt_model model = { 0 };
+    rt_geometry geometry;
+    rt_build_options options;
+    rt_accel *accel;
+    rt_info usual, cheap, dear, once, eager;
+    const struct { float traversal_cost, empty_bonus, max_duplication; rt_info *info; } cases[] = {
+        { 0, 0, 0, &usual }, { 0.25f, 0, 0, &cheap }, { 8, 0, 0, &dear }, { 0, 0, 1, &once }, { 0, 0.9f, 0, &eager }
+    };
+
+    for (int i = 0; i < 6; i++)
+        rtt_cube(&model, 6, true, 0.5f, rtt_mul(rtt_lattice(&random, 2), 2));
+    geometry = rtt_geometry(&model);
+    for (size_t i = 0; i < RTT_COUNT(cases); i++) {
+        memset(&options, 0, sizeof options);
+        options.structure = RT_KDTREE;
+        options.traversal_cost = cases[i].traversal_cost;
+        options.empty_bonus = cases[i].empty_bonus;
+        options.max_duplication = cases[i].max_duplication;
+        if (!CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK))
+            return;
+        rt_get_info(accel, cases[i].info);
+        rt_free(accel);
+    }
+    CHECK(usual.empty_leaves > 0 && usual.references > usual.triangles);
+    CHECK(cheap.nodes > usual.nodes && usual.nodes > dear.nodes);
+    CHECK(once.references == once.triangles);
+    CHECK(eager.empty_leaves > usual.empty_leaves);
+    rtt_model_free(&model);
+}
+
+/* What a k-d tree does not do is refused, and then nothing has changed. */
+static void rtt_test_kd_refused(void)
+{
+    rtt_random random = rtt_stream();
+    rtt_model model = { 0 }, child = { 0 }, nothing = { 0 };
+    rtt_rays rays = { 0 };
+    rtt_accels accels, empty;
+    rt_geometry geometry;
+    rt_trace_options options;
+    rt_error error;
+    rt_hit *want;
+
+    rtt_ugly_scene(&model, &child, &random);
+    rtt_rays_mixed(&rays, &random, rtt_origin, 1, 100);
+    want = (rt_hit *)rtt_array(rays.count, sizeof *want);
+    rtt_oracle_all(&model, &rays, want);
+    geometry = rtt_geometry(&model);
+    if (rtt_accels_build(&accels, &model) && rtt_accels_build(&empty, &nothing)) {
+        rt_accel *kd = accels.of[RT_KDTREE];
+
+        rtt_shake(&model, &random, 1);
+        CHECK_STATUS(rt_refit_error(kd, &geometry, &error), RT_ERROR_UNSUPPORTED);
+        CHECK(error.status == RT_ERROR_UNSUPPORTED && strstr(error.message, "kdtree") != NULL);
+        CHECK_STATUS(rt_refit(kd, &geometry), RT_ERROR_UNSUPPORTED);
+        rtt_compare_all("refit refused", kd, &rays, want);
+        memset(&options, 0, sizeof options);
+        for (int algorithm = RT_KD_STACK; algorithm <= RT_KD_BACKTRACK; algorithm++)
+            for (int bad = 0; bad < 4; bad++) {
+                memset(&options, 0, sizeof options);
+                options.algorithm = (rt_algorithm)algorithm;
+                options.short_stack = bad == 0 ? -1 : bad == 1 ? RT_MAX_SHORT_STACK + 1 : bad == 2 ? INT32_MIN : INT32_MAX;
+                rtt_refused(kd, options, RT_ERROR_ARGUMENT, "short_stack");
+                rtt_refused(kd, options, RT_ERROR_ARGUMENT, "32");
+                rtt_refused(empty.of[RT_KDTREE], options, RT_ERROR_ARGUMENT, "short_stack");
+            }
+        memset(&options, 0, sizeof options);
+        options.algorithm = RT_KD_BACKTRACK;
+        for (int width = 2; width <= 16; width *= 2) {                 /* no packets: "no known method to add" them */
+            options.packet_width = width;
+            rtt_refused(kd, options, RT_ERROR_ARGUMENT, "one of: 1;");
+        }
+#if RTI_X86
+        for (int algorithm = RT_KD_STACK; algorithm < RT_KD_BACKTRACK; algorithm++) {
+            memset(&options, 0, sizeof options);
+            options.algorithm = (rt_algorithm)algorithm;
+            options.isa = RT_ISA_SSE2;
+            options.packet_width = 8;
+            rtt_refused(kd, options, RT_ERROR_ARGUMENT, "one of: 1, 2;");
+        }
+#endif
+        for (int s = 0; s < RT_STRUCTURE_COUNT; s++)                   /* also where there is nothing to trace */
+            if (empty.of[s]) {
+                memset(&options, 0, sizeof options);
+                options.algorithm = s == RT_KDTREE ? RT_BVH_STACK : RT_KD_RESTART;
+                rtt_refused(empty.of[s], options, RT_ERROR_ARGUMENT, rtt_structure_names[s]);
+            }
+    }
+    rtt_accels_free(&accels);
+    rtt_accels_free(&empty);
+    free(want);
+    rtt_rays_free(&rays);
+    rtt_model_free(&model);
+    rtt_model_free(&child);
+}
+
+#ifndef RT_NO_STATS
+static rt_stats rtt_count(const rt_accel *accel, rt_algorithm algorithm, int short_stack, const rtt_rays *rays, const rt_hit *want)
+{
+    rt_hit *hits = (rt_hit *)rtt_array(rays->count, sizeof *hits);
+    rt_trace_options options;
+    rt_stats stats;
+
+    memset(&options, 0, sizeof options);
+    memset(&stats, 0, sizeof stats);
+    options.algorithm = algorithm;
+    options.packet_width = 1;
+    options.short_stack = short_stack;
+    options.stats = &stats;
+    CHECK_STATUS(rt_trace(accel, &options, rays->ray, rays->count, hits), RT_OK);
+    rtt_compare("counted", rt_algorithm_get(algorithm)->name, rays, hits, want, false, true);
+    free(hits);
+    return stats;
+}
+
+static bool rtt_same_visits(rt_stats a, rt_stats b) { return a.nodes == b.nodes && a.leaves == b.leaves && a.prims == b.prims; }
+
+/* Two cubes with a gap: planes at both sides of the gap, one node over the other, three leaves. Each ray goes with its mirror image, so
+   that sums do not depend on which plane is the upper one. */
+static void rtt_test_kd_counts(void)
+{
+    static const struct { rt_ray ray; rt_algorithm algorithm; unsigned nodes, leaves, prims, pushes, restarts; } cases[] = {
+        { { { -1, 0.25f, 0.5f }, 0, { 1, 0, 0 }, INFINITY }, RT_KD_STACK, 3, 2, 24, 3, 0 },     /* from outside: the first cube */
+        { { { -1, 0.25f, 0.5f }, 0, { 1, 0, 0 }, INFINITY }, RT_KD_RESTART, 3, 2, 24, 0, 0 },
+        { { { -1, 0.25f, 0.5f }, 0, { 1, 0, 0 }, INFINITY }, RT_KD_SHORTSTACK, 3, 2, 24, 3, 0 },
+        { { { -1, 0.25f, 0.5f }, 0, { 1, 0, 0 }, 0.5f }, RT_KD_STACK, 0, 0, 0, 0, 0 },          /* ends before the root box */
+        { { { 2, 0.25f, 3 }, 0, { 0, 0, 1 }, INFINITY }, RT_KD_STACK, 0, 0, 0, 0, 0 },          /* starts behind it */
+        { { { 5, -1, 0.5f }, 0, { 0, 1, 0 }, INFINITY }, RT_KD_STACK, 4, 2, 0, 0, 0 },          /* through the gap */
+        { { { 5, -1, 0.5f }, 0, { 0, 1, 0 }, INFINITY }, RT_KD_RESTART, 4, 2, 0, 0, 0 },
+        { { { 5, -1, 0.5f }, 0, { 0, 1, 0 }, INFINITY }, RT_KD_BACKTRACK, 4, 2, 0, 0, 0 },
+        { { { 2, 0.25f, 0.5f }, 0, { 1, 0, 0 }, 6 }, RT_KD_PUSHDOWN, 4, 2, 0, 0, 0 },           /* within it */
+        { { { 2, 0.25f, 0.5f }, 0, { 1, 0, 0 }, INFINITY }, RT_KD_STACK, 4, 4, 24, 2, 0 },      /* from it to a cube */
+        { { { 2, 0.25f, 0.5f }, 0, { 1, 0, 0 }, INFINITY }, RT_KD_RESTART, 7, 4, 24, 0, 2 },    /* the upper node again */
+        { { { 2, 0.25f, 0.5f }, 0, { 1, 0, 0 }, INFINITY }, RT_KD_PUSHDOWN, 6, 4, 24, 0, 2 },   /* the lowest that spans both */
+        { { { 2, 0.25f, 0.5f }, 0, { 1, 0, 0 }, INFINITY }, RT_KD_SHORTSTACK, 4, 4, 24, 2, 0 },
+    };
+    rtt_model model = { 0 };
+    rt_build_options options;
+    rt_geometry geometry;
+    rt_accel *accel;
+    rt_info info;
+
+    rtt_cube(&model, 1, false, 0.5f, rtt_v(0.5f, 0.5f, 0.5f));
+    rtt_cube(&model, 1, false, 0.5f, rtt_v(9.5f, 0.5f, 0.5f));
+    geometry = rtt_geometry(&model);
+    memset(&options, 0, sizeof options);
+    options.structure = RT_KDTREE;
+    if (!CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK))
+        return;
+    rt_get_info(accel, &info);
+    CHECK(info.nodes == 5 && info.leaves == 3 && info.empty_leaves == 1 && info.depth == 2 && info.references == 24 && info.max_leaf == 12);
+    CHECK(fabs(info.sah - (1 + 19.0 / 21 + 2 * 12 * 3.0 / 21)) < 1e-6);         /* half areas: 21 in all, 19 below, 3 a cube */
+    for (size_t i = 0; i < RTT_COUNT(cases); i++)
+        for (int shift = 0; shift < 2; shift++) {
+            rt_ray ray = cases[i].ray, mirrored = ray;
+            rtt_rays rays = { 0 };
+            rt_hit want[2];
+            rt_stats stats;
+
+            mirrored.org.x = rtt_f(10 - ray.org.x), mirrored.dir.x = -ray.dir.x;
+            rtt_segment(&rays, ray.org, ray.dir, ray.tmin, ray.tmax);
+            rtt_segment(&rays, mirrored.org, mirrored.dir, mirrored.tmin, mirrored.tmax);
+            rtt_oracle_all(&model, &rays, want);
+            stats = rtt_count(accel, cases[i].algorithm, shift ? 1 : 0, &rays, want);
+            if (stats.rays != 2 || stats.nodes != cases[i].nodes || stats.leaves != cases[i].leaves || stats.prims != cases[i].prims
+                || stats.pushes != cases[i].pushes || stats.restarts != cases[i].restarts || (!shift && stats.drops))
+                rtt_fail("case %zu: nodes %llu leaves %llu prims %llu pushes %llu restarts %llu drops %llu", i,
+                         (unsigned long long)stats.nodes, (unsigned long long)stats.leaves, (unsigned long long)stats.prims,
+                         (unsigned long long)stats.pushes, (unsigned long long)stats.restarts, (unsigned long long)stats.drops);
+            rtt_rays_free(&rays);
+        }
+    rt_free(accel);
+    rtt_model_free(&model);
+}
+
+/* [Horn] table by table: the more is remembered, the fewer nodes are visited twice; the leaves are the same in any case. */
+static void rtt_test_kd_stats(void)
+{
+    static const int entries[] = { 1, 2, 3, 5, 8, 16, RT_MAX_SHORT_STACK };
+    rtt_random random = rtt_stream();
+
+    for (size_t scene = 0; scene < RTT_COUNT(rtt_scenes); scene++) {
+        rtt_model model = { 0 }, child = { 0 };
+        rtt_rays rays = { 0 };
+        rt_build_options options;
+        rt_geometry geometry;
+        rt_stats stack, restart, pushdown, some[RTT_COUNT(entries)];
+        bool pure;
+        rt_accel *accel;
+        rt_info info;
+        rt_hit *want;
+
+        rtt_scene_make(&model, &child, &random, scene, 0);
+        rtt_rays_planes(&rays, &random, &model, 1, 0, 300);
+        rtt_rays_pinhole(&rays, rtt_v(2, 2, -4), rtt_v(2, 2, 2), 2, 16);
+        want = (rt_hit *)rtt_array(rays.count, sizeof *want);
+        rtt_oracle_all(&model, &rays, want);
+        memset(&options, 0, sizeof options);
+        options.structure = RT_KDTREE;
+        geometry = rtt_geometry(&model);
+        if (!CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK))
+            return;
+        rt_get_info(accel, &info);
+        pure = !model.instance_count || child.structure == RT_KDTREE;  /* no stack of a BVH within */
+        stack = rtt_count(accel, RT_KD_STACK, 0, &rays, want);
+        restart = rtt_count(accel, RT_KD_RESTART, 0, &rays, want);
+        pushdown = rtt_count(accel, RT_KD_PUSHDOWN, 0, &rays, want);
+        for (size_t e = 0; e < RTT_COUNT(entries); e++) {
+            some[e] = rtt_count(accel, RT_KD_SHORTSTACK, entries[e], &rays, want);
+            if (some[e].nodes > (e ? some[e - 1] : pushdown).nodes || some[e].nodes < stack.nodes || some[e].leaves != stack.leaves
+                || some[e].prims != stack.prims || some[e].restarts > pushdown.restarts)
+                rtt_fail("%s: %d entries: nodes %llu, leaves %llu, restarts %llu, drops %llu", rtt_scenes[scene].name, entries[e],
+                         (unsigned long long)some[e].nodes, (unsigned long long)some[e].leaves, (unsigned long long)some[e].restarts,
+                         (unsigned long long)some[e].drops);
+        }
+        if (stack.restarts || stack.drops || (pure && (restart.pushes || pushdown.pushes)) || restart.drops || pushdown.drops
+            || pushdown.nodes > restart.nodes || pushdown.nodes < stack.nodes || pushdown.restarts != restart.restarts
+            || pushdown.leaves != stack.leaves || restart.leaves != stack.leaves || restart.prims != stack.prims
+            || pushdown.prims != stack.prims)
+            rtt_fail("%s: nodes %llu %llu %llu, leaves %llu %llu %llu", rtt_scenes[scene].name, (unsigned long long)stack.nodes,
+                     (unsigned long long)pushdown.nodes, (unsigned long long)restart.nodes, (unsigned long long)stack.leaves,
+                     (unsigned long long)pushdown.leaves, (unsigned long long)restart.leaves);
+        if (info.depth <= RT_MAX_SHORT_STACK && !model.instance_count)
+            CHECK(rtt_same_visits(stack, some[RTT_COUNT(entries) - 1]) && some[RTT_COUNT(entries) - 1].restarts == 0
+                  && some[RTT_COUNT(entries) - 1].drops == 0 && some[RTT_COUNT(entries) - 1].pushes == stack.pushes);
+        if (info.nodes > 30)                /* or the above says nothing */
+            CHECK(restart.restarts > 0 && stack.pushes > 0 && stack.nodes < restart.nodes);
+        rt_free(accel);
+        free(want);
+        rtt_rays_free(&rays);
+        rtt_model_free(&model);
+        rtt_model_free(&child);
+    }
+}
+#endif
+
 /* ---- >>threads -------------------------------------------------------------------------------------------------------- */
 
-typedef struct { const rt_accel *accel; const rtt_rays *rays; const rt_hit *want; size_t first, wrong; } rtt_tracer;
+typedef struct { const rtt_accels *accels; const rtt_rays *rays; const rt_hit *want; size_t first, wrong; } rtt_tracer;
 
 static void *rtt_trace_alone(void *pointer)
 {
@@ -3062,9 +3838,7 @@ static void *rtt_trace_alone(void *pointer)
     for (size_t w = 0; w < rtt_way_count; w++) {
         const rtt_way *way = &rtt_ways[(w + tracer->first) % rtt_way_count];
 
-        if (way->structure != RT_STRUCTURE_COUNT && way->structure != RT_BVH)
-            continue;
-        tracer->wrong += rt_trace(tracer->accel, &way->options, tracer->rays->ray, count, hits) != RT_OK;
+        tracer->wrong += rt_trace(rtt_accels_for(tracer->accels, way), &way->options, tracer->rays->ray, count, hits) != RT_OK;
         for (size_t i = 0; i < count; i++)
             tracer->wrong += !rtt_same(hits[i], way->options.query == RT_ANY ? rtt_any(tracer->want[i]) : tracer->want[i]);
     }
@@ -3072,27 +3846,25 @@ static void *rtt_trace_alone(void *pointer)
     return NULL;
 }
 
-/* Many threads, one accel, every way at once. */
+/* Many threads, one accel of each structure, every way at once. */
 static void rtt_test_threads(void)
 {
     rtt_random random = rtt_stream();
     rtt_model model = { 0 }, child = { 0 };
     rtt_rays rays = { 0 };
-    rt_geometry geometry;
-    rt_accel *accel;
+    rtt_accels accels;
     rt_hit *want;
 
     rtt_ugly_scene(&model, &child, &random);
     rtt_rays_mixed(&rays, &random, rtt_origin, 1, 500);
     want = (rt_hit *)rtt_array(rays.count, sizeof *want);
     rtt_oracle_all(&model, &rays, want);
-    geometry = rtt_geometry(&model);
-    if (CHECK_STATUS(rt_build(&accel, &geometry, NULL), RT_OK)) {
+    if (rtt_accels_build(&accels, &model)) {
         rtt_tracer tracers[8];
         pthread_t threads[8];
 
         for (size_t i = 0; i < RTT_COUNT(threads); i++) {
-            tracers[i] = (rtt_tracer){ accel, &rays, want, 5 * i, 0 };
+            tracers[i] = (rtt_tracer){ &accels, &rays, want, 5 * i, 0 };
             if (pthread_create(&threads[i], NULL, rtt_trace_alone, &tracers[i]) != 0)
                 rtt_die("cannot start a thread");
         }
@@ -3100,8 +3872,8 @@ static void rtt_test_threads(void)
             pthread_join(threads[i], NULL);
             CHECK(tracers[i].wrong == 0);
         }
-        rt_free(accel);
     }
+    rtt_accels_free(&accels);
     free(want);
     rtt_rays_free(&rays);
     rtt_model_free(&model);
@@ -3165,6 +3937,7 @@ static void rtt_test_render(void)
     enum { WIDTH = 61, HEIGHT = 43, PIXELS = WIDTH * HEIGHT };
     rtt_random random = rtt_stream();
     rtt_model model = { 0 };
+    rtt_accels accels;
     rt_geometry geometry;
     rt_scene scene;
     rt_accel *accel;
@@ -3172,14 +3945,15 @@ static void rtt_test_render(void)
     size_t lit = 0, dark = 0, seen = 0;
 
     rtt_room(&model, &scene, &geometry, &accel);
+    if (!rtt_accels_build(&accels, &model))
+        rtt_die("the room does not build");
     for (int spp = 1; spp <= 4; spp += 3)
         for (size_t w = 0; w <= rtt_way_count; w++) {
             rt_render_options options;
             rt_ray_counts counts = { 0, 0 }, sum = { 0, 0 };
             uint32_t order[64];
 
-            if (w > 0 && rtt_ways[w - 1].structure != RT_STRUCTURE_COUNT && rtt_ways[w - 1].structure != RT_BVH)
-                continue;
+            scene.accel = w ? rtt_accels_for(&accels, &rtt_ways[w - 1]) : accel;
             memset(&options, 0, sizeof options);
             options.width = WIDTH, options.height = HEIGHT;
             options.spp = spp;
@@ -3223,6 +3997,7 @@ static void rtt_test_render(void)
     CHECK(memcmp(&whole[0], &scene.background, sizeof scene.background) == 0);
     free(whole);
     free(tiles);
+    rtt_accels_free(&accels);
     rt_free(accel);
     rtt_model_free(&model);
 }
@@ -3282,9 +4057,8 @@ static void rtt_test_render_errors(void)
     memset(pixels, 0xcc, sizeof pixels);
     memset(untouched, 0xcc, sizeof untouched);
     options.width = options.height = 4;
-    options.trace.algorithm = RT_KD_STACK;
-    if (!rtt_structure_built(RT_KDTREE))
-        CHECK_STATUS(rt_render_tile(&scene, &options, 0, 0, 4, 4, pixels, NULL), RT_ERROR_UNSUPPORTED);
+    options.trace.algorithm = RT_KD_STACK;  /* of another structure than the room's */
+    CHECK_STATUS(rt_render_tile(&scene, &options, 0, 0, 4, 4, pixels, NULL), RT_ERROR_ARGUMENT);
     options.trace.algorithm = RT_AUTO;
     options.trace.packet_width = -7;
     CHECK_STATUS(rt_render_tile(&scene, &options, 0, 0, 4, 4, pixels, NULL), RT_ERROR_ARGUMENT);
@@ -4697,6 +5471,16 @@ static const rtt_test rtt_tests[] = {
     { "options.build", rtt_test_build_options },
 #ifndef RT_NO_STATS
     { "stats", rtt_test_stats },
+#endif
+    { "kdtree.planes", rtt_test_kd_planes },
+    { "kdtree.nested", rtt_test_kd_nested },
+    { "kdtree.limits", rtt_test_kd_limits },
+    { "kdtree.info", rtt_test_kd_info },
+    { "kdtree.options", rtt_test_kd_options },
+    { "kdtree.refused", rtt_test_kd_refused },
+#ifndef RT_NO_STATS
+    { "kdtree.counts", rtt_test_kd_counts },
+    { "kdtree.stats", rtt_test_kd_stats },
 #endif
     { "threads", rtt_test_threads },
 #ifndef RT_NO_SHADING
