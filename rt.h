@@ -2481,9 +2481,10 @@ static bool rti_kd_build_top(rti_kdbuilder *b, const rti_kdwork *root)
             b->top_count += 2;
             stack[top++] = parts[1];
             stack[top++] = parts[0];
-        } else {                            /* a great leaf: a block of its own */
-            good = rti_kd_new_block(b, w.node, 2, w.count);
+        } else {                            /* a great leaf: a block of its own, behind those of the lanes that wait */
+            good = (!waiting || rti_kd_run_lanes(b, waiting)) && rti_kd_new_block(b, w.node, 2, w.count);
             if (good) {
+                waiting = 0;
                 rti_kdblock *block = &b->blocks[b->block_count - 1];
                 block->prim_count = 0;
                 rti_kd_set_leaf(b, block, &block->nodes[0], w.refs, w.count);
