@@ -48,8 +48,8 @@ demo: $(B)/render $(B)/hello | out
 test: all
 	$(B)/rt_test
 
-bench: $(B)/bench
-	$(B)/bench $(BENCH)
+bench: $(B)/bench | out
+	$(B)/bench $(or $(BENCH),--paper all --svg out/horn_figure2.svg)
 
 # Sanitizers see every test; valgrind, 30 times slower, those that matter for memory; the thread sanitizer those with threads.
 VALGRIND_TESTS = random spheres mixed instances ugly.degenerate rays refit build.bad build.layouts build.quality memory options stats shading loader
@@ -87,7 +87,7 @@ help:
 	@echo "make            build everything into build/"
 	@echo "make demo       render the demo scenes to out/*.ppm"
 	@echo "make test       all tests"
-	@echo "make bench      speed table, with Embree where libembree-dev is installed; BENCH='--help' tells the options"
+	@echo "make bench      speed table, with Embree where libembree-dev is installed, and the papers' tables; BENCH='--help' tells the options"
 	@echo "make check      tests under the address, undefined and thread sanitizers and valgrind"
 	@echo "make matrix     compilers x standards x flags x opt-outs: warnings, sizes, equal hits"
 	@echo "make fuzz       FUZZ=60 seconds of fuzzing the loaders, the builder and the traversals"

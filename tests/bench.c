@@ -1,4 +1,7 @@
-/* bench.c - speed of every algorithm on every kind of ray, with Embree beside them.    SPDX-License-Identifier: MIT OR Unlicense
+/* bench.c - speed of every algorithm on every kind of ray, with Embree beside them; and the tables of the papers that the algorithms
+   come from, on our machine.    SPDX-License-Identifier: MIT OR Unlicense
+
+   >>vectors  >>rays  >>entries  >>embree  >>arguments  >>measure  >>output  >>scenes  >>speed, bench_horn.h, >>main
 
    How the numbers are made
      rays       One array for each scene and kind, made once, given to every algorithm in the same order. Primary rays of a pinhole, in
@@ -37,6 +40,8 @@
 #define MAX_ROUNDS 1000
 #define MAX_IMAGE 16384
 #define MAX_WIDTHS 16
+#define SPEED_SIZE 512                      /* of the pictures, and measured rounds, where no option says */
+#define SPEED_ROUNDS 5                      /* the papers' tables have their own */
 
 static const char *const default_scenes[] = { "cornell", "balls:3", "sphere:100000", "terrain:200000", "cloud:100000" };
 
@@ -365,19 +370,42 @@ static RTCScene embree_build(RTCDevice device, const rt_geometry *geometry, enum
 static const char *const structure_names[] = { RT_STRUCTURE_LIST(TEXT) };
 static const char *const cull_names[] = { RT_CULL_LIST(TEXT) };
 static const char *const isa_names[] = { RT_ISA_LIST(TEXT) };
+static const char *const quality_names[] = { "default", "fast", "high" };       /* of rt_quality */
+enum { QUALITIES = sizeof quality_names / sizeof *quality_names };
 
 enum { ALL_PACKETS = -1 };
 
 typedef struct {
     const char **scenes;                    /* owned; the names are argv's */
     size_t scene_count;
-    const char *rays, *algorithms;          /* comma lists */
+    const char *rays, *algorithms, *papers; /* comma lists */
+    const char *scene_folder;               /* NULL: none */
+    const char *svg;                        /* NULL: no plot */
     int structure;                          /* RT_STRUCTURE_COUNT: each */
-    int packet, cull, isa, width, height, threads, rounds;
+    int packet, cull, isa, width, height, threads, rounds;              /* width, height, rounds 0: the table's default */
+    int short_stack, quality;               /* 0: the library's default */
+    int most_triangles;                     /* of tables over the number of triangles */
+    float traversal_cost, empty_bonus, max_duplication;
     bool json, help;
-    bool has_eye, has_look, has_up, has_fov;
+    bool has_eye, has_look, has_up, has_fov, has_light;
     rt_camera camera;
+    rt_vec3 light;
 } arguments;
+
+/* A table of a paper: the word of --paper that asks for it, and what it tells. */
+#define HORN_TABLES(X)                                                                        \
+    X(HORN_BUILD,   "horn.build",   "builders and memory: k-d tree beside BVH")               \
+    X(HORN_RATES,   "horn.2",       "Table 2: rates of primary and shadow rays")              \
+    X(HORN_NODES,   "horn.nodes",   "5.1.1: nodes, restarts and stack entries a primary ray") \
+    X(HORN_BOUNCES, "horn.figure2", "Figure 2: rates of specular bounces")                    \
+    X(HORN_FRAMES,  "horn.1",       "Table 1: frames a second with shadows or a bounce")      \
+    X(HORN_SCALING, "horn.scaling", "build time against the number of triangles")
+
+#define TABLE_ENUM(id, word, what) id,
+#define TABLE_WORD(id, word, what) word,
+enum { HORN_TABLES(TABLE_ENUM) HORN_TABLE_COUNT };
+static const char *const paper_words[] = { "speed", "horn", HORN_TABLES(TABLE_WORD) };
+enum { PAPER_WORDS = sizeof paper_words / sizeof *paper_words };
 
 static bool complain(const char *format, ...) __attribute__((format(printf, 1, 2)));
 
@@ -414,10 +442,22 @@ static int find_name(const char *const *names, int count, const char *text)
     return -1;
 }
 
+/* As complain: value is neither first, unless that is NULL, nor one of names. */
+static bool complain_names(const char *option, const char *value, const char *first, const char *const *names, int count)
+{
+    char list[1024];
+    size_t used = (size_t)snprintf(list, sizeof list, "%s%s", first ? first : "", first ? ", " : "");
+    int i;
+
+    for (i = 0; i < count && used < sizeof list; i++)
+        used += (size_t)snprintf(list + used, sizeof list - used, i ? ", %s" : "%s", names[i]);
+    return complain("%s: '%s' is none of: %s", option, value, list);
+}
+
 static bool parse_name(const char *option, const char *value, const char *const *names, int count, int *out)
 {
     *out = find_name(names, count, value);
-    return *out >= 0 || complain("%s: there is no '%s' (--help lists the names)", option, value);
+    return *out >= 0 || complain_names(option, value, NULL, names, count);
 }
 
 static bool parse_int(const char *option, const char *value, int least, int most, int *out)
@@ -447,6 +487,13 @@ static bool parse_floats(const char *option, const char *value, float *out, int 
     return true;
 }
 
+static bool parse_float(const char *option, const char *value, float least, float most, float *out)
+{
+    if (!parse_floats(option, value, out, 1)) return false;
+    if (*out >= least && *out <= most) return true;
+    return complain("%s: '%s' is not a number from %g to %g", option, value, (double)least, (double)most);
+}
+
 static bool parse_vec3(const char *option, const char *value, rt_vec3 *out, bool *given)
 {
     float f[3];
@@ -463,8 +510,8 @@ static bool parse_size(const char *option, const char *value, int *width, int *h
     return complain("%s: '%s' is not WIDTHxHEIGHT, each from 1 to %d", option, value, MAX_IMAGE);
 }
 
-/* Do all words of a comma list name something? word_known tells. */
-static bool check_list(const char *option, const char *list, bool (*word_known)(const char *word))
+/* Is every word of a comma list "all" or one of names? */
+static bool check_list(const char *option, const char *list, const char *const *names, int count)
 {
     char word[64];
     size_t n;
@@ -472,47 +519,57 @@ static bool check_list(const char *option, const char *list, bool (*word_known)(
     for (; list; list = list[n] ? list + n + 1 : NULL) {
         n = strcspn(list, ",");
         snprintf(word, sizeof word, "%.*s", n < sizeof word ? (int)n : (int)sizeof word - 1, list);
-        if (!word_known(word)) return complain("%s: there is no '%s' (--help lists the names)", option, word);
+        if (strcmp(word, "all") != 0 && find_name(names, count, word) < 0) return complain_names(option, word, "all", names, count);
     }
     return true;
 }
 
-static bool kind_known(const char *word)
+/* Algorithms not built yet pass too: rt_trace tells which they are. */
+static bool check_algorithms(const char *option, const char *list)
 {
-    return strcmp(word, "all") == 0 || find_name(kind_names, KIND_COUNT, word) >= 0;
+    const char *names[RT_ALGORITHM_COUNT + 16];
+    const rt_algorithm_info *info;
+    int count = 0;
+
+    for (; (info = rt_algorithm_get((size_t)count)) != NULL; count++) names[count] = info->name;
+#ifdef RT_BENCH_EMBREE
+    for (size_t i = 0; i < EMBREE_MODES; i++) names[count++] = embree_modes[i].name;
+#endif
+    return check_list(option, list, names, count);
 }
 
-/* Algorithms not built yet pass too: rt_trace tells which they are. */
-static bool algorithm_known(const char *word)
+/* Does a ask for this table of this paper? */
+static bool wants(const arguments *a, const char *paper, const char *word)
 {
-    const rt_algorithm_info *info;
-    size_t i;
-
-    for (i = 0; (info = rt_algorithm_get(i)) != NULL; i++)
-        if (strcmp(info->name, word) == 0) return true;
-#ifdef RT_BENCH_EMBREE
-    for (i = 0; i < EMBREE_MODES; i++)
-        if (strcmp(embree_modes[i].name, word) == 0) return true;
-#endif
-    return strcmp(word, "all") == 0;
+    return listed(a->papers, word) || listed(a->papers, paper);
 }
 
 static bool parse_option(arguments *a, const char *option, const char *value)
 {
     if (strcmp(option, "--scene") == 0) return a->scenes[a->scene_count++] = value, true;
-    if (strcmp(option, "--rays") == 0) return a->rays = value, check_list(option, value, kind_known);
-    if (strcmp(option, "--algorithm") == 0) return a->algorithms = value, check_list(option, value, algorithm_known);
+    if (strcmp(option, "--scenes") == 0) return a->scene_folder = value, true;
+    if (strcmp(option, "--paper") == 0) return a->papers = value, check_list(option, value, paper_words, PAPER_WORDS);
+    if (strcmp(option, "--svg") == 0) return a->svg = value, true;
+    if (strcmp(option, "--triangles") == 0) return parse_int(option, value, 10000, 100000000, &a->most_triangles);
+    if (strcmp(option, "--rays") == 0) return a->rays = value, check_list(option, value, kind_names, KIND_COUNT);
+    if (strcmp(option, "--algorithm") == 0) return a->algorithms = value, check_algorithms(option, value);
     if (strcmp(option, "--structure") == 0) return parse_name(option, value, structure_names, RT_STRUCTURE_COUNT, &a->structure);
     if (strcmp(option, "--cull") == 0) return parse_name(option, value, cull_names, RT_CULL_COUNT, &a->cull);
     if (strcmp(option, "--isa") == 0) return parse_name(option, value, isa_names, RT_ISA_COUNT, &a->isa);
     if (strcmp(option, "--packet") == 0 && strcmp(value, "all") == 0) return a->packet = ALL_PACKETS, true;
     if (strcmp(option, "--packet") == 0) return parse_int(option, value, 0, 1024, &a->packet);
+    if (strcmp(option, "--short-stack") == 0) return parse_int(option, value, 1, RT_MAX_SHORT_STACK, &a->short_stack);
+    if (strcmp(option, "--quality") == 0) return parse_name(option, value, quality_names, QUALITIES, &a->quality);
+    if (strcmp(option, "--traversal-cost") == 0) return parse_float(option, value, 0.01f, 100, &a->traversal_cost);
+    if (strcmp(option, "--empty-bonus") == 0) return parse_float(option, value, -1, 1, &a->empty_bonus);
+    if (strcmp(option, "--max-duplication") == 0) return parse_float(option, value, 1, 100, &a->max_duplication);
     if (strcmp(option, "--size") == 0) return parse_size(option, value, &a->width, &a->height);
     if (strcmp(option, "--threads") == 0) return parse_int(option, value, 0, 1024, &a->threads);
     if (strcmp(option, "--repeat") == 0) return parse_int(option, value, 1, MAX_ROUNDS - 1, &a->rounds);
     if (strcmp(option, "--eye") == 0) return parse_vec3(option, value, &a->camera.eye, &a->has_eye);
     if (strcmp(option, "--look") == 0) return parse_vec3(option, value, &a->camera.look, &a->has_look);
     if (strcmp(option, "--up") == 0) return parse_vec3(option, value, &a->camera.up, &a->has_up);
+    if (strcmp(option, "--light") == 0) return parse_vec3(option, value, &a->light, &a->has_light);
     if (strcmp(option, "--fov") == 0) {
         if (!parse_floats(option, value, &a->camera.fov, 1)) return false;
         if (a->camera.fov <= 0 || a->camera.fov >= 180) return complain("--fov: '%s' is not between 0 and 180 degrees", value);
@@ -524,13 +581,13 @@ static bool parse_option(arguments *a, const char *option, const char *value)
 /* Fills *a; its scenes are to be freed in any case. */
 static bool parse_arguments(arguments *a, int argc, char **argv)
 {
-    static const arguments defaults = { .rays = "all", .algorithms = "all", .structure = RT_STRUCTURE_COUNT,
-                                        .width = 512, .height = 512, .threads = 1, .rounds = 5 };
-    size_t i;
+    static const arguments defaults = { .rays = "all", .algorithms = "all", .papers = "speed", .structure = RT_STRUCTURE_COUNT,
+                                        .threads = 1, .most_triangles = 4000000 };
     int k;
 
     *a = defaults;
-    a->scenes = calloc((size_t)argc + sizeof default_scenes / sizeof *default_scenes, sizeof *a->scenes);
+    a->scene_folder = getenv("RT_SCENES");
+    a->scenes = calloc((size_t)argc, sizeof *a->scenes);
     if (!a->scenes) return complain("out of memory");
     for (k = 1; k < argc; k++) {
         const char *option = argv[k];
@@ -544,8 +601,6 @@ static bool parse_arguments(arguments *a, int argc, char **argv)
         if (k + 1 == argc) return complain("%s needs a value, or is no option (--help lists them)", option);
         if (!parse_option(a, option, argv[++k])) return false;
     }
-    if (a->scene_count == 0)
-        for (i = 0; i < sizeof default_scenes / sizeof *default_scenes; i++) a->scenes[a->scene_count++] = default_scenes[i];
     return true;
 }
 
@@ -564,7 +619,7 @@ static void print_help(void)
 
     printf("bench: speed of ray tracing algorithms, measured in turns on the same rays\n\n"
            "usage: bench [--scene S]... [option]...\n\n"
-           "  --scene S          an .obj or .nff file, or a procedural scene (below); may be repeated\n"
+           "  --scene S          an .obj or .nff file, or a procedural scene (below); may be repeated; default: some of each\n"
            "  --rays LIST        primary,shadow,reflect,diffuse or all (the default)\n"
            "  --algorithm LIST   names from below, or all (the default): all that are built, and peers\n"
            "  --packet N         packet width for algorithms that have packets; 0: their default; all: each\n"
@@ -574,9 +629,23 @@ static void print_help(void)
            "  --size WxH         primary rays, default 512x512\n"
            "  --threads N        default 1; 0: one a processor\n"
            "  --repeat N         measured rounds, default 5, after one to warm up\n"
-           "  --eye X,Y,Z --look X,Y,Z --up X,Y,Z --fov DEGREES   instead of the scene's camera\n"
+           "  --eye X,Y,Z --look X,Y,Z --up X,Y,Z --fov DEGREES --light X,Y,Z   instead of the scene's\n"
+           "  --quality NAME     of the trees\n"
+           "  --traversal-cost X, --empty-bonus X, --max-duplication X   of the builders, as in rt_build_options\n"
+           "  --short-stack N    entries of kd.shortstack, 1 to %d, default 3\n"
            "  --json             one JSON object a line instead of tables\n"
-           "\nalgorithms\n");
+           "  --paper LIST       what to print, default speed: words from below, or all\n"
+           "\nthe tables of papers, by default at 1024x1024, median of 3, on scenes like the paper's; --rays, --algorithm, --packet,\n"
+           "--structure and --cull say nothing to them\n"
+           "  --scenes DIR       on the paper's own scenes, from this folder; default: the environment's RT_SCENES, else procedural\n"
+           "  --svg FILE         plots Figure 2 to it\n"
+           "  --triangles N      the most in horn.scaling, default 4000000\n"
+           "\nwords of --paper\n"
+           "  speed          every algorithm on every kind of ray, and peers\n"
+           "  horn           all of Horn et al. 2007, the k-d tree:\n", RT_MAX_SHORT_STACK);
+#define TABLE_HELP(id, word, what) printf("    %-12s %s\n", word, what);
+    HORN_TABLES(TABLE_HELP)
+    printf("\nalgorithms\n");
     for (i = 0; (info = rt_algorithm_get(i)) != NULL; i++)
         printf("  %-21s %s%s\n", info->name, info->what, info->built ? "" : " (not built yet)");
 #ifdef RT_BENCH_EMBREE
@@ -586,6 +655,7 @@ static void print_help(void)
     print_names("structures: ", structure_names, RT_STRUCTURE_COUNT);
     print_names("culling: ", cull_names, RT_CULL_COUNT);
     print_names("instructions: ", isa_names, RT_ISA_COUNT);
+    print_names("qualities: ", quality_names, QUALITIES);
     printf("\nprocedural scenes\n%s\ncolumns: spread = (slowest - fastest) / median; nodes, boxes, prims = visited or tested a ray;\n"
            "differs = rays whose hit, or only whose primitive, is not the one that we find\n", scene_procedural_list());
 }
@@ -635,6 +705,13 @@ static int compare_doubles(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
+/* Sorts values. */
+static double median(double *values, int count)
+{
+    qsort(values, (size_t)count, sizeof *values, compare_doubles);
+    return count % 2 ? values[count / 2] : (values[count / 2 - 1] + values[count / 2]) / 2;
+}
+
 /* Times all entries in turns and checks what they find. False: one of ours has found something else than the truth. */
 static bool measure_all(entry *entries, size_t count, const batch *b, pool *threads, int rounds)
 {
@@ -650,8 +727,7 @@ static bool measure_all(entry *entries, size_t count, const batch *b, pool *thre
         }
     for (i = 0; i < count; i++) {
         entry *e = &entries[i];
-        qsort(e->seconds, (size_t)rounds, sizeof *e->seconds, compare_doubles);
-        e->median = rounds % 2 ? e->seconds[rounds / 2] : (e->seconds[rounds / 2 - 1] + e->seconds[rounds / 2]) / 2;
+        e->median = median(e->seconds, rounds);
         e->spread = (e->seconds[rounds - 1] - e->seconds[0]) / e->median;
         if (e->accel && e->other_hits)
             same = complain("%s on %s finds %zu of %zu %s hits that differ", e->name, e->structure, e->other_hits, b->count,
@@ -697,10 +773,19 @@ static void print_json_rate(const char *key, const entry *e, uint64_t sum)
     else printf("\"%s\":null,", key);
 }
 
-static void print_json(const entry *e, const batch *b, const char *scene_name, size_t primitives, const arguments *a, int threads)
+/* The start of an object: of a paper's table, where one is named. */
+static void begin_json(const char *table, const char *scene_name)
 {
-    printf("{\"scene\":");
+    if (table) printf("{\"table\":\"%s\",", table);
+    else putchar('{');
+    printf("\"scene\":");
     print_json_string(scene_name);
+}
+
+static void print_json(const char *table, const entry *e, const batch *b, const char *scene_name, size_t primitives, const arguments *a,
+                       int threads)
+{
+    begin_json(table, scene_name);
     printf(",\"primitives\":%zu,\"structure\":\"%s\",\"algorithm\":\"%s\",\"packet\":%d,\"cull\":\"%s\",\"rays\":\"%s\",\"threads\":%d,",
            primitives, e->structure, e->name, e->packet, cull_names[e->accel ? a->cull : RT_CULL_NONE], kind_names[b->kind], threads);
     printf("\"mrays_per_s\":%.4f,", (double)b->count / e->median * 1e-6);
@@ -738,14 +823,43 @@ static void print_table(const entry *entries, size_t count, const batch *b)
 
 /* ---- >>scenes ------------------------------------------------------------------------------------------------------- */
 
+/* Room for one ray a pixel, which the scenes use one after the other. */
+typedef struct {
+    rt_ray *primary, *rays;
+    rt_hit *primary_hits, *truth, *hits;
+    uint32_t *packets;                      /* of a peer; NULL: none measured */
+} buffers;
+
+static void buffers_free(buffers *b)
+{
+    free(b->primary), free(b->rays), free(b->primary_hits), free(b->truth), free(b->hits), free(b->packets);
+}
+
+/* *b is to be freed in any case. */
+static bool buffers_alloc(buffers *b, size_t pixels, bool peers)
+{
+    memset(b, 0, sizeof *b);
+    b->primary = calloc(pixels, sizeof *b->primary);
+    b->rays = calloc(pixels, sizeof *b->rays);
+    b->primary_hits = calloc(pixels, sizeof *b->primary_hits);
+    b->truth = calloc(pixels, sizeof *b->truth);
+    b->hits = calloc(pixels, sizeof *b->hits);
+    if (!b->primary || !b->rays || !b->primary_hits || !b->truth || !b->hits) return complain("out of memory");
+#ifdef RT_BENCH_EMBREE
+    if (peers) b->packets = embree_packets(pixels);
+    if (peers && !b->packets) return complain("out of memory");
+#else
+    (void)peers;
+#endif
+    return true;
+}
+
 /* What is built of one scene. */
 typedef struct {
     scene content;
     rt_accel *accels[RT_STRUCTURE_COUNT];   /* NULL where no entry needs one */
     double build_seconds[RT_STRUCTURE_COUNT];
-    rt_ray *primary, *rays;
-    rt_hit *primary_hits, *truth, *hits;
-    uint32_t *packets;
+    const buffers *memory;                  /* not owned */
     entry *entries;
     size_t entry_count, entry_capacity;
 #ifdef RT_BENCH_EMBREE
@@ -763,7 +877,7 @@ static void bench_free(bench *s)
     if (s->device) rtcReleaseDevice(s->device);
 #endif
     for (i = 0; i < RT_STRUCTURE_COUNT; i++) rt_free(s->accels[i]);
-    free(s->primary), free(s->rays), free(s->primary_hits), free(s->truth), free(s->hits), free(s->packets), free(s->entries);
+    free(s->entries);
     scene_free(&s->content);
 }
 
@@ -780,20 +894,33 @@ static entry *add_entry(bench *s)
     return memset(&s->entries[s->entry_count++], 0, sizeof *s->entries);
 }
 
-static bool build(bench *s, rt_structure structure, pool *threads)
+/* The options that a says; threads NULL: on this thread alone. */
+static rt_build_options build_options(rt_structure structure, const arguments *a, pool *threads, rt_error *error)
 {
     rt_build_options options;
-    rt_error error;
-    double start;
 
-    if (s->accels[structure]) return true;
     memset(&options, 0, sizeof options);
     options.structure = structure;
-    options.error = &error;
-    if (pool_threads(threads) > 1) {
+    options.quality = (rt_quality)a->quality;
+    options.traversal_cost = a->traversal_cost;
+    options.empty_bonus = a->empty_bonus;
+    options.max_duplication = a->max_duplication;
+    options.error = error;
+    if (threads && pool_threads(threads) > 1) {
         options.parallel_for = pool_for;
         options.parallel_user = threads;
     }
+    return options;
+}
+
+/* Builds structure, unless that is done. */
+static bool build(bench *s, rt_structure structure, const arguments *a, pool *threads)
+{
+    rt_error error;
+    const rt_build_options options = build_options(structure, a, threads, &error);
+    double start;
+
+    if (s->accels[structure]) return true;
     start = now();
     if (rt_build(&s->accels[structure], &s->content.geometry, &options) != RT_OK) return complain("%s: %s", s->content.name, error.message);
     s->build_seconds[structure] = now() - start;
@@ -820,7 +947,7 @@ static bool add_ours(bench *s, const rt_algorithm_info *info, rt_structure struc
     entry *e;
     rt_info built;
 
-    if (!build(s, structure, threads)) return false;
+    if (!build(s, structure, a, threads)) return false;
     e = add_entry(s);
     if (!e) return complain("out of memory");
     rt_get_info(s->accels[structure], &built);
@@ -829,6 +956,7 @@ static bool add_ours(bench *s, const rt_algorithm_info *info, rt_structure struc
     e->options.algorithm = info->algorithm;
     e->options.cull = (rt_cull)a->cull;
     e->options.isa = (rt_isa)a->isa;
+    e->options.short_stack = a->short_stack;
     e->accel = s->accels[structure];
     e->packet = e->options.packet_width = packet ? packet : widest(e);
     e->build_seconds = s->build_seconds[structure];
@@ -911,13 +1039,62 @@ static bool add_all_embree(bench *s, const arguments *a, int threads)
 }
 #endif
 
-static void aim(rt_camera *camera, const arguments *a)
+/* Puts a's camera and light in the place of the scene's. Default lights follow the camera. */
+static void aim(scene *content, const arguments *a)
 {
+    rt_camera *camera = &content->camera;
+
     if (a->has_eye) camera->eye = a->camera.eye;
     if (a->has_look) camera->look = a->camera.look;
     if (a->has_up) camera->up = a->camera.up;
     if (a->has_fov) camera->fov = a->camera.fov;
+    if (!content->has_lights) scene_default_lights(camera, content->lights);
+    if (a->has_light) content->lights[0].position = a->light;          /* scene_load always gives one */
 }
+
+/* Makes the primary rays and what they hit. */
+static void trace_primary(const bench *s, const rt_accel *accel, const arguments *a)
+{
+    make_primary(&s->content.camera, a->width, a->height, s->memory->primary);
+    rt_trace(accel, NULL, s->memory->primary, (size_t)a->width * (size_t)a->height, s->memory->primary_hits);
+}
+
+/* One kind of rays, from the primary rays of trace_primary. */
+static batch make_batch(const bench *s, ray_kind kind, const arguments *a)
+{
+    const buffers *m = s->memory;
+    size_t pixels = (size_t)a->width * (size_t)a->height;
+    batch b;
+
+    b.kind = kind;
+    b.query = kind == SHADOW ? RT_ANY : RT_CLOSEST;
+    b.rays = kind == PRIMARY ? m->primary : m->rays;
+    b.count = pixels;
+    if (kind != PRIMARY)
+        b.count = make_secondary(kind, &s->content.geometry, s->content.lights[0].position, m->primary, m->primary_hits, pixels, m->rays);
+    b.truth = m->truth;
+    b.hits = m->hits;
+    b.packets = m->packets;
+    return b;
+}
+
+/* Counts, times and checks all entries on *b. *same becomes false where one finds another thing than accel's default algorithm. False:
+   an option is not allowed; nothing is measured. */
+static bool measure_batch(bench *s, const batch *b, const rt_accel *accel, pool *threads, int rounds, bool *same)
+{
+    rt_trace_options options;
+    size_t i;
+
+    memset(&options, 0, sizeof options);
+    options.query = b->query;
+    for (i = 0; i < s->entry_count; i++) s->entries[i].options.query = b->query;
+    rt_trace(accel, &options, b->rays, b->count, s->memory->truth);
+    if (!count_all(s->entries, s->entry_count, b)) return false;
+    if (!measure_all(s->entries, s->entry_count, b, threads, rounds)) *same = false;
+    return true;
+}
+
+/* ---- >>speed -------------------------------------------------------------------------------------------------------- */
 
 /* The line above a scene's tables. */
 static void print_scene(const bench *s, const arguments *a, int threads)
@@ -938,34 +1115,22 @@ static void print_scene(const bench *s, const arguments *a, int threads)
 }
 
 /* Measures one kind of rays and prints it. */
-static bool bench_kind(bench *s, ray_kind kind, const rt_accel *accel, const arguments *a, pool *threads)
+static bool speed_of_kind(bench *s, ray_kind kind, const rt_accel *accel, const arguments *a, pool *threads)
 {
     const rt_geometry *geometry = &s->content.geometry;
-    const rt_vec3 light = s->content.lights[0].position;       /* scene_load always gives one */
-    size_t pixels = (size_t)a->width * (size_t)a->height, i;
-    rt_trace_options options;
-    batch b;
-    bool same;
+    const batch b = make_batch(s, kind, a);
+    bool same = true;
+    size_t i;
 
-    memset(&options, 0, sizeof options);
-    b.kind = kind;
-    b.query = options.query = kind == SHADOW ? RT_ANY : RT_CLOSEST;
-    b.rays = kind == PRIMARY ? s->primary : s->rays;
-    b.count = kind == PRIMARY ? pixels : make_secondary(kind, geometry, light, s->primary, s->primary_hits, pixels, s->rays);
-    b.truth = s->truth;
-    b.hits = s->hits;
-    b.packets = s->packets;
     if (b.count == 0) {
         if (!a->json) printf("%-8s no rays: no primary ray hits\n", kind_names[kind]);
         return true;
     }
-    for (i = 0; i < s->entry_count; i++) s->entries[i].options.query = b.query;
-    rt_trace(accel, &options, b.rays, b.count, s->truth);
-    if (!count_all(s->entries, s->entry_count, &b)) return false;
-    same = measure_all(s->entries, s->entry_count, &b, threads, a->rounds);
+    if (!measure_batch(s, &b, accel, threads, a->rounds, &same)) return false;
     if (a->json)
         for (i = 0; i < s->entry_count; i++)
-            print_json(&s->entries[i], &b, s->content.name, geometry->triangle_count + geometry->sphere_count, a, pool_threads(threads));
+            print_json(NULL, &s->entries[i], &b, s->content.name, geometry->triangle_count + geometry->sphere_count, a,
+                       pool_threads(threads));
     else
         print_table(s->entries, s->entry_count, &b);
     fflush(stdout);
@@ -973,63 +1138,79 @@ static bool bench_kind(bench *s, ray_kind kind, const rt_accel *accel, const arg
 }
 
 /* Builds one scene, then measures every kind of ray in it. *s is to be freed in any case. */
-static bool bench_scene(bench *s, const char *name, const arguments *a, pool *threads)
+static bool speed_of_scene(bench *s, const char *name, const arguments *a, pool *threads)
 {
-    size_t pixels = (size_t)a->width * (size_t)a->height, i;
     const rt_accel *accel = NULL;
     scene_error error;
     bool same = true;
+    size_t i;
     int kind;
 
     if (!scene_load(&s->content, name, NULL, NULL, &error)) return complain("%s", error.message);
-    aim(&s->content.camera, a);
+    aim(&s->content, a);
     if (!add_all_ours(s, a, threads)) return false;
 #ifdef RT_BENCH_EMBREE
     if (!add_all_embree(s, a, pool_threads(threads))) return false;
 #endif
     for (i = 0; i < RT_STRUCTURE_COUNT && !accel; i++) accel = s->accels[i];
     if (!accel) {
-        if (!build(s, RT_BVH, threads)) return false;
+        if (!build(s, RT_BVH, a, threads)) return false;
         accel = s->accels[RT_BVH];
     }
-
-    s->primary = calloc(pixels, sizeof *s->primary);
-    s->rays = calloc(pixels, sizeof *s->rays);
-    s->primary_hits = calloc(pixels, sizeof *s->primary_hits);
-    s->truth = calloc(pixels, sizeof *s->truth);
-    s->hits = calloc(pixels, sizeof *s->hits);
-    if (!s->primary || !s->rays || !s->primary_hits || !s->truth || !s->hits) return complain("out of memory");
-#ifdef RT_BENCH_EMBREE
-    s->packets = embree_packets(pixels);
-    if (!s->packets) return complain("out of memory");
-#endif
-
-    make_primary(&s->content.camera, a->width, a->height, s->primary);
-    rt_trace(accel, NULL, s->primary, pixels, s->primary_hits);
+    trace_primary(s, accel, a);
     if (!a->json) print_scene(s, a, pool_threads(threads));
     for (kind = 0; kind < KIND_COUNT; kind++)
         if (listed(a->rays, kind_names[kind]))
-            same = bench_kind(s, (ray_kind)kind, accel, a, threads) && same;
+            same = speed_of_kind(s, (ray_kind)kind, accel, a, threads) && same;
     return same;
 }
+
+/* a with defaults in the place of what it leaves open. */
+static arguments with_defaults(const arguments *a, int size, int rounds)
+{
+    arguments filled = *a;
+    if (!filled.width) filled.width = filled.height = size;
+    if (!filled.rounds) filled.rounds = rounds;
+    return filled;
+}
+
+/* Every scene, one after the other. */
+static bool speed_tables(const arguments *given, pool *threads)
+{
+    const arguments a = with_defaults(given, SPEED_SIZE, SPEED_ROUNDS);
+    const size_t defaults = sizeof default_scenes / sizeof *default_scenes, count = a.scene_count ? a.scene_count : defaults;
+    buffers memory;
+    const bool ready = buffers_alloc(&memory, (size_t)a.width * (size_t)a.height, true);
+    bool same = ready;
+    size_t i;
+
+    for (i = 0; ready && i < count; i++) {
+        bench s;
+        memset(&s, 0, sizeof s);
+        s.memory = &memory;
+        same = speed_of_scene(&s, a.scene_count ? a.scenes[i] : default_scenes[i], &a, threads) && same;
+        bench_free(&s);
+    }
+    buffers_free(&memory);
+    return same;
+}
+
+#include "bench_horn.h"
+
+/* ---- >>main --------------------------------------------------------------------------------------------------------- */
 
 int main(int argc, char **argv)
 {
     arguments a;
     pool *threads = NULL;
     bool ok = parse_arguments(&a, argc, argv);
-    size_t i;
 
     if (ok && a.help) print_help();
     if (ok && !a.help) {
         threads = pool_create(a.threads);
         ok = threads || complain("the threads do not start");
-        for (i = 0; threads && i < a.scene_count; i++) {
-            bench s;
-            memset(&s, 0, sizeof s);
-            ok = bench_scene(&s, a.scenes[i], &a, threads) && ok;
-            bench_free(&s);
-        }
+        if (threads && listed(a.papers, "speed")) ok = speed_tables(&a, threads) && ok;
+        if (threads) ok = horn_tables(&a, threads) && ok;
     }
     pool_destroy(threads);
     free(a.scenes);
