@@ -592,6 +592,9 @@ static bool horn_plot(const horn *h)
 /* ---- >>horn-frames -------------------------------------------------------------------------------------------------- */
 
 enum { FRAME_SHADOW, FRAME_BOUNCE, FRAME_EFFECTS };
+enum { FRAME_TRACED, FRAME_PRIMARIES };
+static const char *const frame_primaries[FRAME_PRIMARIES] = { "traced" };
+typedef double frame_rates[FRAME_PRIMARIES][FRAME_EFFECTS][HORN_FORMS];         /* frames a second */
 enum { BLOCK = 16, BLOCK_RAYS = BLOCK * BLOCK };                /* pixels that a thread draws at once */
 
 /* How to draw one frame. */
@@ -599,8 +602,7 @@ typedef struct {
     const bench *s;
     int width, height, effect;
     rt_trace_options options;
-    rt_ray corner;                          /* through the picture's top left corner; right and down: a pixel's steps of its dir */
-    rt_vec3 right, down;
+    pool *threads;
     rt_vec3 *pixels;
 } frame;
 
@@ -621,26 +623,27 @@ static rt_vec3 phong(const bench *s, const rt_ray *ray, const rt_hit *hit, bool 
     return highlight > 0 ? add_scaled(color, m->specular, powf(highlight, m->shininess)) : color;
 }
 
-/* Draws one block of pixels: primary hits, then a shadow ray or a specular bounce each. */
+/* Draws one block of pixels: primary hits, then a shadow ray or a specular bounce each. The camera's rays are those of trace_primary. */
 static void draw_block(void *context, size_t index)
 {
     const frame *f = context;
     const rt_geometry *geometry = &f->s->content.geometry;
+    const buffers *memory = f->s->memory;
     const int across = (f->width + BLOCK - 1) / BLOCK;
     const int left = (int)(index % (size_t)across) * BLOCK, top = (int)(index / (size_t)across) * BLOCK;
+    const int rows = f->height - top < BLOCK ? f->height - top : BLOCK;
+    const rt_ray *primary = memory->primary + (size_t)top * (size_t)f->width + (size_t)left * (size_t)rows;
     rt_trace_options options = f->options;
-    rt_ray primary[BLOCK_RAYS], secondary[BLOCK_RAYS];
+    rt_ray secondary[BLOCK_RAYS];
     rt_hit hits[BLOCK_RAYS], second[BLOCK_RAYS];
     rt_vec3 *pixel[BLOCK_RAYS];
     size_t count = 0, i, k;
 
     for (i = 0; i < BLOCK_RAYS; i++) {
         const int x = left + even_bits((unsigned)i), y = top + even_bits((unsigned)i >> 1);
+        const size_t at = (size_t)y * (size_t)f->width + (size_t)x;
         if (x >= f->width || y >= f->height) continue;
-        pixel[count] = &f->pixels[(size_t)y * (size_t)f->width + (size_t)x];
-        primary[count] = f->corner;
-        primary[count].dir = add_scaled(add_scaled(f->corner.dir, f->right, (float)x + 0.5f), f->down, (float)y + 0.5f);
-        count++;
+        pixel[count++] = &f->pixels[at];
     }
     options.query = RT_CLOSEST;
     rt_trace(f->s->accels[RT_KDTREE], &options, primary, count, hits);
@@ -664,23 +667,23 @@ static void draw_block(void *context, size_t index)
 }
 
 /* Seconds that a frame takes. */
-static double draw_frame(const frame *f, pool *threads)
+static double draw_frame(frame *f)
 {
     const size_t across = (size_t)((f->width + BLOCK - 1) / BLOCK), blocks = across * (size_t)((f->height + BLOCK - 1) / BLOCK);
     const double start = now();
-    frame context = *f;
-    pool_for(threads, blocks, draw_block, &context);
+
+    pool_for(f->threads, blocks, draw_block, f);
     return now() - start;
 }
 
 /* The frame of an effect and a form of a scene, to be drawn to pixels. */
-static frame make_frame(const horn *h, const horn_scene *s, int effect, int form, rt_vec3 *pixels)
+static frame make_frame(const horn *h, const horn_scene *s, int effect, int form, pool *threads, rt_vec3 *pixels)
 {
-    const rt_camera *camera = &s->bench.content.camera;
     frame f;
 
     memset(&f, 0, sizeof f);
     f.s = &s->bench;
+    f.threads = threads;
     f.width = h->a.width;
     f.height = h->a.height;
     f.effect = effect;
@@ -688,67 +691,79 @@ static frame make_frame(const horn *h, const horn_scene *s, int effect, int form
     f.options.packet_width = horn_forms[form].packet;
     f.options.short_stack = h->a.short_stack;
     f.options.isa = (rt_isa)h->a.isa;
-    f.corner = rt_camera_ray(camera, 0, 0, f.width, f.height);
-    f.right = sub(rt_camera_ray(camera, 1, 0, f.width, f.height).dir, f.corner.dir);
-    f.down = sub(rt_camera_ray(camera, 0, 1, f.width, f.height).dir, f.corner.dir);
     f.pixels = pixels;
     return f;
 }
 
-/* One line of Table 1: the frames of a scene, all in turns. Their pictures must not depend on the form. */
-static bool horn_measure_frames(horn *h, const horn_scene *s, pool *threads, rt_vec3 *pixels[2], double rates[FRAME_EFFECTS][HORN_FORMS])
+/* One line of Table 1: the frames of a scene, all in turns. The pictures must depend on nothing but the effect. */
+static bool horn_measure_frames(horn *h, const horn_scene *s, pool *threads, rt_vec3 *pixels[2], frame_rates rates)
 {
-    static double seconds[FRAME_EFFECTS][HORN_FORMS][MAX_ROUNDS];
+    static double seconds[FRAME_PRIMARIES][FRAME_EFFECTS][HORN_FORMS][MAX_ROUNDS];
     const size_t bytes = (size_t)h->a.width * (size_t)h->a.height * sizeof *pixels[0];
-    int round, effect, form;
+    int round, effect, primary, form;
 
+    trace_primary(&s->bench, s->bench.accels[RT_BVH], &h->a);
     for (round = 0; round <= h->a.rounds; round++)
         for (effect = 0; effect < FRAME_EFFECTS; effect++)
+            for (primary = 0; primary < FRAME_PRIMARIES; primary++)
+                for (form = 0; form < HORN_FORMS; form++) {
+                    const bool first = primary == 0 && form == 0;
+                    frame f = make_frame(h, s, effect, form, threads, pixels[!first]);
+                    double took;
+                    if (!horn_has(&s->bench, &h->a, RT_KD_SHORTSTACK, horn_forms[form].packet)) continue;
+                    took = draw_frame(&f);
+                    if (round > 0) seconds[primary][effect][form][round - 1] = took;
+                    else if (!first && memcmp(pixels[0], pixels[1], bytes) != 0)
+                        h->fine = complain("%s: the picture of %s, %s, is another than that of single rays", s->title,
+                                           horn_forms[form].label, frame_primaries[primary]);
+                }
+    for (primary = 0; primary < FRAME_PRIMARIES; primary++)
+        for (effect = 0; effect < FRAME_EFFECTS; effect++)
             for (form = 0; form < HORN_FORMS; form++) {
-                const frame f = make_frame(h, s, effect, form, pixels[form > 0]);
-                double took;
-                if (!horn_has(&s->bench, &h->a, RT_KD_SHORTSTACK, horn_forms[form].packet)) continue;
-                took = draw_frame(&f, threads);
-                if (round > 0) seconds[effect][form][round - 1] = took;
-                else if (form > 0 && memcmp(pixels[0], pixels[1], bytes) != 0)
-                    h->fine = complain("%s: the picture of %s is not that of single rays", s->title, horn_forms[form].label);
+                const bool has = horn_has(&s->bench, &h->a, RT_KD_SHORTSTACK, horn_forms[form].packet);
+                rates[primary][effect][form] = has ? 1 / median(seconds[primary][effect][form], h->a.rounds) : 0;
+                if (!h->a.json || !has) continue;
+                begin_json("horn.1", s->bench.content.name);
+                printf(",\"primitives\":%zu,\"structure\":\"kdtree\",\"algorithm\":\"kd.shortstack\",\"packet\":%d,\"effect\":\"%s\","
+                       "\"primary\":\"%s\",\"threads\":%d,\"frames_per_s\":%.4f}\n", horn_primitives(s), horn_forms[form].packet,
+                       effect == FRAME_SHADOW ? "shadow" : "bounce", frame_primaries[primary], pool_threads(threads),
+                       rates[primary][effect][form]);
             }
-    for (effect = 0; effect < FRAME_EFFECTS; effect++)
-        for (form = 0; form < HORN_FORMS; form++) {
-            const bool has = horn_has(&s->bench, &h->a, RT_KD_SHORTSTACK, horn_forms[form].packet);
-            rates[effect][form] = has ? 1 / median(seconds[effect][form], h->a.rounds) : 0;
-            if (!h->a.json || !has) continue;
-            begin_json("horn.1", s->bench.content.name);
-            printf(",\"primitives\":%zu,\"structure\":\"kdtree\",\"algorithm\":\"kd.shortstack\",\"packet\":%d,\"effect\":\"%s\","
-                   "\"primary\":\"traced\",\"threads\":%d,\"frames_per_s\":%.4f}\n", horn_primitives(s), horn_forms[form].packet,
-                   effect == FRAME_SHADOW ? "shadow" : "bounce", pool_threads(threads), rates[effect][form]);
-        }
     return true;
+}
+
+static void horn_print_frames(const horn *h, int threads, int primary, frame_rates *rates)
+{
+    const bool paper = h->scenes[0].original && primary == FRAME_PRIMARIES - 1;
+    size_t i;
+    int effect, form;
+
+    printf("  primary hits %-10s %2d thread%-46s%s\n", frame_primaries[primary], threads, threads == 1 ? "" : "s",
+           paper ? "the paper's GPU, rasterised" : "");
+    printf("%-18s    %-29s %-29s %s\n", "", "shadow", "1 bounce", paper ? "  shadow            1 bounce" : "");
+    printf("%-18s%10s%10s%10s%10s%10s%10s%s\n", "", horn_forms[0].label, horn_forms[1].label, horn_forms[2].label, horn_forms[0].label,
+           horn_forms[1].label, horn_forms[2].label, paper ? "   single   packet   single   packet" : "");
+    for (i = 0; i < h->count; i++) {
+        printf("%-18s", h->scenes[i].title);
+        for (effect = 0; effect < FRAME_EFFECTS; effect++)
+            for (form = 0; form < HORN_FORMS; form++) horn_print_cell(10, 2, rates[i][primary][effect][form]);
+        for (form = 0; form < HORN_FRAME_KINDS && paper; form++) horn_print_cell(9, 1, h->scenes[i].original->frames[form]);
+        printf("\n");
+    }
 }
 
 /* All lines of Table 1 on these threads. */
 static bool horn_frames_on(horn *h, pool *threads, rt_vec3 *pixels[2])
 {
+    frame_rates *rates = calloc(h->count, sizeof *rates);
+    bool ok = rates || complain("out of memory");
     size_t i;
-    int effect, form;
+    int primary;
 
-    if (!h->a.json)
-        printf("%-18s primary rays traced, %2d thread%s                              the paper's GPU, primary hits rasterised\n"
-               "                   shadow                        1 bounce                      shadow             1 bounce\n"
-               "                      single    4 rays    8 rays    single    4 rays    8 rays   single   packet   single   packet\n", "",
-               pool_threads(threads), pool_threads(threads) == 1 ? " " : "s");
-    for (i = 0; i < h->count; i++) {
-        const horn_scene *s = &h->scenes[i];
-        double rates[FRAME_EFFECTS][HORN_FORMS];
-        if (!horn_measure_frames(h, s, threads, pixels, rates)) return false;
-        if (h->a.json) continue;
-        printf("%-18s", s->title);
-        for (effect = 0; effect < FRAME_EFFECTS; effect++)
-            for (form = 0; form < HORN_FORMS; form++) horn_print_cell(10, 2, rates[effect][form]);
-        for (form = 0; form < HORN_FRAME_KINDS && s->original; form++) horn_print_cell(9, 1, s->original->frames[form]);
-        printf("\n");
-    }
-    return true;
+    for (i = 0; i < h->count && ok; i++) ok = horn_measure_frames(h, &h->scenes[i], threads, pixels, rates[i]);
+    for (primary = 0; primary < FRAME_PRIMARIES && ok && !h->a.json; primary++) horn_print_frames(h, pool_threads(threads), primary, rates);
+    free(rates);
+    return ok;
 }
 
 static bool horn_frames(horn *h)
@@ -828,8 +843,8 @@ static bool horn_scaling(horn *h)
                 if (h->a.json) {
                     begin_json("horn.scaling", name);
                     printf(",\"primitives\":%.0f,\"structure\":\"%s\",\"threads\":1,\"build_s\":%.6f,\"ns_per_n_log2_n\":%.4f,"
-                           "\"bytes\":%zu,\"references\":%zu}\n", n, structure_names[structures[t]], seconds, 1e9 * seconds / (n * log2(n)), info.bytes,
-                           info.references);
+                           "\"bytes\":%zu,\"references\":%zu}\n", n, structure_names[structures[t]], seconds,
+                           1e9 * seconds / (n * log2(n)), info.bytes, info.references);
                 } else {
                     printf(" %16.4f %14.3f %10.1f", seconds, 1e9 * seconds / (n * log2(n)), (double)info.bytes / n);
                     if (structures[t] == RT_KDTREE) printf(" %10.2f", (double)info.references / n);
