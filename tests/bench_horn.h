@@ -71,6 +71,7 @@ typedef struct {
     buffers memory;
     horn_scene *scenes;
     size_t count;
+    double spread;                          /* the largest of the table at hand: (slowest - fastest) / median of a cell */
     bool fine;                              /* no hit has differed, nor a picture, and the plot is written */
 } horn;
 
@@ -162,6 +163,12 @@ static void horn_print_missing(void)
     size_t i;
     for (i = 0; (info = rt_algorithm_get(i)) != NULL; i++)
         if (info->structure == RT_KDTREE && !info->built) printf("  %s is not built\n", info->name);
+}
+
+/* The end of a table of rates. */
+static void horn_print_spread(const horn *h)
+{
+    printf("  spread, (slowest - fastest) / median of one number: at most %.0f%%\n", 100 * h->spread);
 }
 
 /* The opening of a table. */
@@ -272,7 +279,9 @@ static bool horn_measure_rates(horn *h, horn_scene *s)
         if (!measure_batch(b, &rays, b->accels[RT_BVH], h->threads, h->a.rounds, &h->fine)) return false;
         for (row = 0; row < HORN_ROWS; row++) {
             const entry *e = horn_find(b, horn_rows[row].algorithm, horn_rows[row].packet);
-            if (e) s->rates[row][kind] = (double)rays.count / e->median * 1e-6;
+            if (!e) continue;
+            s->rates[row][kind] = (double)rays.count / e->median * 1e-6;
+            h->spread = fmax(h->spread, e->spread);
         }
         if (h->a.json)
             for (i = 0; i < b->entry_count; i++)
@@ -335,6 +344,7 @@ static bool horn_rates(horn *h)
     if (h->a.json) return true;
     horn_print_title(h, "horn.2", "millions of rays a second; each of the paper's steps includes those above it");
     horn_print_rates(h);
+    horn_print_spread(h);
     horn_print_missing();
     return true;
 }
@@ -469,7 +479,9 @@ static bool horn_measure_bounces(horn *h, horn_scene *s)
         if (!measure_batch(b, &rays, b->accels[RT_BVH], h->threads, h->a.rounds, &h->fine)) return false;
         for (form = 0; form < HORN_FORMS; form++) {
             const entry *e = horn_find(b, RT_KD_SHORTSTACK, horn_forms[form].packet);
-            if (e) s->bounces[form][bounce] = (double)rays.count / e->median * 1e-6;
+            if (!e) continue;
+            s->bounces[form][bounce] = (double)rays.count / e->median * 1e-6;
+            h->spread = fmax(h->spread, e->spread);
         }
         if (h->a.json)
             for (i = 0; i < b->entry_count; i++) {
@@ -507,6 +519,7 @@ static bool horn_bounces(horn *h)
             printf("\n");
         }
     }
+    horn_print_spread(h);
     horn_print_missing();
     return true;
 }
@@ -880,6 +893,7 @@ static bool horn_tables(const arguments *given, pool *threads)
     ok = !any || (buffers_alloc(&h.memory, (size_t)h.a.width * (size_t)h.a.height, false) && horn_load(&h));
     for (i = 0; i < HORN_TABLE_COUNT && ok; i++) {
         if (!wants(given, "horn", words[i])) continue;
+        h.spread = 0;
         ok = tables[i](&h);
         if (ok && i == HORN_BOUNCES && h.a.svg && !horn_plot(&h)) h.fine = false;
         fflush(stdout);
