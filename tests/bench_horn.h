@@ -633,7 +633,8 @@ static rt_vec3 phong(const bench *s, const rt_ray *ray, const rt_hit *hit, bool 
     color = add_scaled(color, m->emission, 1);
     if (!lit || cosine <= 0) return color;
     color = add_scaled(color, m->diffuse, cosine);
-    return highlight > 0 ? add_scaled(color, m->specular, powf(highlight, m->shininess)) : color;
+    if (highlight <= 0 || dot(m->specular, m->specular) <= 0) return color;
+    return add_scaled(color, m->specular, powf(highlight, m->shininess));
 }
 
 /* Draws one block of pixels: primary hits, then a shadow ray or a specular bounce each. The camera's rays are those of trace_primary. */
