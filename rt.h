@@ -1767,15 +1767,16 @@ typedef struct {
     rti_kdcell cell;
 } rti_kdwork;
 
-typedef struct { int axis; float at; bool planar_left; double cost; } rti_kdplane;    /* planar_left: where primitives in the plane go */
+typedef struct { int axis; float at, cost; bool planar_left; } rti_kdplane;    /* planar_left: where primitives in the plane go */
 
 /* Cost of a split at distance x from the cell's lower plane: area(left) = x * slope + base, of a cell of area 1. */
 typedef struct { float slope[3], base[3], size[3]; float traversal, bonus; } rti_kdcost;
 
 typedef struct { float origin[4], scale[4], end[4]; } rti_kdgrid;   /* bin = (x - origin) * scale; scale 0: cannot be split */
 typedef struct { uint32_t starts[3][RTI_KD_BINS], ends[3][RTI_KD_BINS], walls[2][3]; } rti_kdbins;
-typedef struct { uint32_t starts[RTI_KD_BINS], ends[RTI_KD_BINS]; float first[RTI_KD_BINS], last[RTI_KD_BINS]; } rti_kdfine;
-typedef struct { rti_kdbins bins; rti_kdfine fine; size_t left, right; } rti_kdchunk;
+/* A finer bin: the first and the last place where a primitive starts or ends, and how many end at the first and start at the last. */
+typedef struct { uint32_t starts, ends, first_ends, last_starts; float first, last; } rti_kdfine;
+typedef struct { rti_kdbins bins; rti_kdfine fine[RTI_KD_BINS]; size_t left, right; } rti_kdchunk;
 
 /* A finished subtree: nodes from index 2 on are pairs, node 0 is its root; children and slots are counted from its own start. */
 typedef struct { rti_kdnode *nodes; uint32_t *prims; size_t node_count, prim_count; uint32_t node; } rti_kdblock;
@@ -1843,8 +1844,8 @@ RTI_INLINE void rti_kd_offer(rti_kdplane *best, const rti_kdcost *cost, const rt
     float price;
     if (!(at > cell->lo[axis] && at < cell->hi[axis])) return;      /* a plane in the cell's wall: see rti_kd_offer_wall */
     price = rti_kd_price(cost, axis, at - cell->lo[axis], left, right);
-    if ((double)price < best->cost) {
-        best->cost = (double)price;
+    if (price < best->cost) {
+        best->cost = price;
         best->axis = axis;
         best->at = at;
         best->planar_left = planar_left;
@@ -1858,28 +1859,40 @@ RTI_INLINE void rti_kd_offer_wall(rti_kdplane *best, const rti_kdcost *cost, con
     float price;
     if (!(in_wall > 0 && others > 0 && cost->size[axis] > 0)) return;
     price = rti_kd_price(cost, axis, wall ? cost->size[axis] : 0, wall ? others : in_wall, wall ? in_wall : others);
-    if ((double)price < best->cost) {
-        best->cost = (double)price;
+    if (price < best->cost) {
+        best->cost = price;
         best->axis = axis;
         best->at = wall ? cell->hi[axis] : cell->lo[axis];
         best->planar_left = !wall;
     }
 }
 
-/* How many of lo[0..n) lie below, and of hi[0..n) above, each of four planes. */
-RTI_INLINE void rti_kd_sides(const float *lo, const float *hi, size_t n, const float at[4], float left[4], float right[4])
+/* Of n primitives from lo to hi, for each of four planes: how many lie partly below and partly above it; and which planes are cheaper
+   than limit, as bits. */
+RTI_INLINE unsigned rti_kd_sides(const rti_kdcost *c, int axis, float origin, const float *lo, const float *hi, size_t n,
+                                 const float at[4], float limit, float left[4], float right[4])
 {
     size_t i;
 #if RTI_X86
-    const __m128 plane = _mm_loadu_ps(at);
+    const __m128 plane = _mm_loadu_ps(at), x = _mm_sub_ps(plane, _mm_set1_ps(origin)), slope = _mm_set1_ps(c->slope[axis]);
+    const __m128 base = _mm_set1_ps(c->base[axis]), from = _mm_add_ps(_mm_mul_ps(x, slope), base);
+    const __m128 to = _mm_add_ps(_mm_mul_ps(_mm_sub_ps(_mm_set1_ps(c->size[axis]), x), slope), base);
     __m128i below = _mm_setzero_si128(), above = below;
+    __m128 b, a, price, empty;
     for (i = 0; i < n; i++) {
         below = _mm_sub_epi32(below, _mm_castps_si128(_mm_cmplt_ps(_mm_set1_ps(lo[i]), plane)));
         above = _mm_sub_epi32(above, _mm_castps_si128(_mm_cmplt_ps(plane, _mm_set1_ps(hi[i]))));
     }
-    _mm_storeu_ps(left, _mm_cvtepi32_ps(below));
-    _mm_storeu_ps(right, _mm_cvtepi32_ps(above));
+    b = _mm_cvtepi32_ps(below);
+    a = _mm_cvtepi32_ps(above);
+    _mm_storeu_ps(left, b);
+    _mm_storeu_ps(right, a);
+    price = _mm_add_ps(_mm_mul_ps(b, from), _mm_mul_ps(a, to));
+    empty = _mm_cmple_ps(_mm_min_ps(a, b), _mm_setzero_ps());
+    price = _mm_or_ps(_mm_and_ps(empty, _mm_mul_ps(price, _mm_set1_ps(c->bonus))), _mm_andnot_ps(empty, price));
+    return (unsigned)_mm_movemask_ps(_mm_cmplt_ps(_mm_add_ps(price, _mm_set1_ps(c->traversal)), _mm_set1_ps(limit)));
 #else
+    unsigned cheaper = 0;
     int j;
     for (j = 0; j < 4; j++) {
         int below = 0, above = 0;
@@ -1889,7 +1902,9 @@ RTI_INLINE void rti_kd_sides(const float *lo, const float *hi, size_t n, const f
         }
         left[j] = (float)below;
         right[j] = (float)above;
+        if (rti_kd_price(c, axis, at[j] - origin, left[j], right[j]) < limit) cheaper |= 1u << j;
     }
+    return cheaper;
 #endif
 }
 
@@ -1897,36 +1912,36 @@ RTI_INLINE void rti_kd_sides(const float *lo, const float *hi, size_t n, const f
 static void rti_kd_try_all(const rti_kdwork *w, const rti_kdcost *cost, rti_kdplane *best)
 {
     const size_t n = w->count;
-    float lo[RTI_KD_FEW + 4], hi[RTI_KD_FEW + 4], planes[2 * RTI_KD_FEW + 4], left[4], right[4];
-    size_t i, j, m, flat, in_wall[2];
+    float lo[RTI_KD_FEW], hi[RTI_KD_FEW], planes[2 * RTI_KD_FEW + 4], flat[RTI_KD_FEW], left[4], right[4];
+    size_t i, j, k, m, flats, in_wall[2];
     int axis;
     for (axis = 0; axis < 3; axis++) {
         const float low = w->cell.lo[axis], high = w->cell.hi[axis];
         if (!(high > low)) continue;
-        m = flat = in_wall[0] = in_wall[1] = 0;
+        m = flats = in_wall[0] = in_wall[1] = 0;
         for (i = 0; i < n; i++) {
             const float a = w->refs[i].lo[axis], c = w->refs[i].hi[axis];
             lo[i] = a;
             hi[i] = c;
-            flat += a >= c;
             in_wall[0] += c <= low;
             in_wall[1] += a >= high;
-            planes[m] = a;
-            m += a > low && a < high && !(m && planes[m - 1] <= a && planes[m - 1] >= a);
+            planes[m] = a;                  /* no branches: they would be hard to predict */
+            m += (size_t)((a > low) & (a < high));
             planes[m] = c;
-            m += c > low && c < high && !(m && planes[m - 1] <= c && planes[m - 1] >= c);
+            m += (size_t)((c > low) & (c < high) & (c > a));
+            flat[flats] = a;
+            flats += a >= c;
         }
         for (i = 0; i < 2; i++)
             rti_kd_offer_wall(best, cost, &w->cell, axis, (int)i, (float)in_wall[i], (float)(n - in_wall[i]));
         for (j = 0; j < m; j += 4) {
+            unsigned cheaper;
             for (i = m; i < j + 4; i++) planes[i] = planes[m - 1];
-            rti_kd_sides(lo, hi, n, planes + j, left, right);
+            cheaper = rti_kd_sides(cost, axis, low, lo, hi, n, planes + j, best->cost, left, right);
             for (i = 0; i < 4; i++) {
-                float in_plane = 0;
-                if (flat) {                 /* primitives in the plane may go to either side */
-                    size_t k;
-                    for (k = 0; k < n; k++) in_plane += lo[k] >= planes[j + i] && hi[k] <= planes[j + i] ? 1.0f : 0.0f;
-                }
+                float in_plane = 0;         /* may go to either side, and rti_kd_sides saw them on neither */
+                if (!(cheaper >> i & 1)) continue;
+                for (k = 0; k < flats; k++) in_plane += flat[k] >= planes[j + i] && flat[k] <= planes[j + i] ? 1.0f : 0.0f;
                 rti_kd_offer(best, cost, &w->cell, axis, planes[j + i], left[i] + in_plane, right[i], true);
                 if (in_plane > 0) rti_kd_offer(best, cost, &w->cell, axis, planes[j + i], left[i], right[i] + in_plane, false);
             }
@@ -2001,7 +2016,7 @@ static bool rti_kd_best_bin(const rti_kdgrid *grid, const rti_kdbins *bins, size
         uint32_t begun = 0, ended = 0;
         if (!(grid->scale[axis] > 0)) continue;
         for (i = 1; i < RTI_KD_BINS; i++) {
-            double before = best->cost;
+            const float before = best->cost;
             begun += bins->starts[axis][i - 1];
             ended += bins->ends[axis][i - 1];
             rti_kd_offer(best, cost, &w->cell, axis, grid->origin[axis] + (float)i / grid->scale[axis], (float)begun,
@@ -2025,46 +2040,73 @@ RTI_INLINE rti_kdgrid rti_kd_fine_grid(const rti_kdgrid *grid, int axis, int bin
     fine.scale[axis] = grid->scale[axis] * ((float)RTI_KD_BINS / 2);
     return fine;
 }
-RTI_INLINE void rti_kd_put(rti_kdfine *f, uint32_t *counts, int bin, float x)
+RTI_INLINE void rti_kd_put(rti_kdfine *f, float x, uint32_t starts, uint32_t ends)
 {
-    counts[bin]++;
-    if (x < f->first[bin]) f->first[bin] = x;
-    if (x > f->last[bin]) f->last[bin] = x;
+    f->starts += starts;
+    f->ends += ends;
+    if (x < f->first) {
+        f->first = x;
+        f->first_ends = 0;
+    }
+    if (x > f->last) {
+        f->last = x;
+        f->last_starts = 0;
+    }
+    if (x <= f->first) f->first_ends += ends;
+    if (x >= f->last) f->last_starts += starts;
 }
-static void rti_kd_count_fine(const rti_kdgrid *grid, int axis, int bin, const rti_ref *refs, size_t count, rti_kdfine *f)
+static void rti_kd_count_fine(const rti_kdgrid *grid, int axis, int bin, const rti_ref *refs, size_t count, rti_kdfine f[RTI_KD_BINS])
 {
     const rti_kdgrid fine = rti_kd_fine_grid(grid, axis, bin);
     size_t i;
-    memset(f, 0, sizeof *f);
+    memset(f, 0, RTI_KD_BINS * sizeof *f);
     for (i = 0; i < RTI_KD_BINS; i++) {
-        f->first[i] = RTI_INFINITY;
-        f->last[i] = -RTI_INFINITY;
+        f[i].first = RTI_INFINITY;
+        f[i].last = -RTI_INFINITY;
     }
     for (i = 0; i < count; i++) {
         const float lo = refs[i].lo[axis], hi = refs[i].hi[axis];
         const unsigned a = (unsigned)(rti_kd_bin_of(grid, axis, lo) - bin + 1), c = (unsigned)(rti_kd_bin_of(grid, axis, hi) - bin + 1);
-        if (a < 2) rti_kd_put(f, f->starts, rti_kd_bin_of(&fine, axis, lo), lo);
-        if (c < 2) rti_kd_put(f, f->ends, rti_kd_bin_of(&fine, axis, hi), hi);
+        if (a < 2) rti_kd_put(&f[rti_kd_bin_of(&fine, axis, lo)], lo, 1, 0);
+        if (c < 2) rti_kd_put(&f[rti_kd_bin_of(&fine, axis, hi)], hi, 0, 1);
     }
 }
 
-static void rti_kd_best_fine(const rti_kdfine *f, int axis, float left, float right, const rti_kdwork *w, const rti_kdcost *cost,
-                             rti_kdplane *best)
+static void rti_kd_merge_fine(rti_kdfine *f, const rti_kdfine *more)
 {
-    float first[RTI_KD_BINS + 1], last = -RTI_INFINITY;
-    int i;
-    first[RTI_KD_BINS] = RTI_INFINITY;
-    for (i = RTI_KD_BINS; i-- > 0;) {
-        first[i] = f->first[i] < first[i + 1] ? f->first[i] : first[i + 1];
-        right += (float)f->ends[i];
+    f->starts += more->starts;
+    f->ends += more->ends;
+    if (more->first < f->first) {
+        f->first = more->first;
+        f->first_ends = 0;
     }
-    for (i = 0; i <= RTI_KD_BINS; i++) {    /* between two beginnings or ends the cost is linear: least at one of them */
-        rti_kd_offer(best, cost, &w->cell, axis, last, left, right, true);
-        rti_kd_offer(best, cost, &w->cell, axis, first[i], left, right, false);
+    if (more->last > f->last) {
+        f->last = more->last;
+        f->last_starts = 0;
+    }
+    if (more->first <= f->first) f->first_ends += more->first_ends;
+    if (more->last >= f->last) f->last_starts += more->last_starts;
+}
+
+/* Between two starts or ends the cost is linear: least at one of them. So each boundary of bins stands for the last one below it and the
+   first one above it. What starts at the plane itself is not below it, and what ends there not above. */
+static void rti_kd_best_fine(const rti_kdfine f[RTI_KD_BINS], int axis, float left, float right, const rti_kdwork *w,
+                             const rti_kdcost *cost, rti_kdplane *best)
+{
+    int i, last = -1, first[RTI_KD_BINS + 1];
+    first[RTI_KD_BINS] = RTI_KD_BINS;
+    for (i = RTI_KD_BINS; i-- > 0;) {
+        first[i] = f[i].starts + f[i].ends ? i : first[i + 1];
+        right += (float)f[i].ends;
+    }
+    for (i = 0; i <= RTI_KD_BINS; i++) {
+        if (last >= 0) rti_kd_offer(best, cost, &w->cell, axis, f[last].last, left - (float)f[last].last_starts, right, true);
+        if (first[i] < RTI_KD_BINS)
+            rti_kd_offer(best, cost, &w->cell, axis, f[first[i]].first, left, right - (float)f[first[i]].first_ends, false);
         if (i == RTI_KD_BINS) break;
-        left += (float)f->starts[i];
-        right -= (float)f->ends[i];
-        if (f->last[i] > last) last = f->last[i];
+        left += (float)f[i].starts;
+        right -= (float)f[i].ends;
+        if (f[i].starts + f[i].ends) last = i;
     }
 }
 
@@ -2078,7 +2120,7 @@ static void rti_kd_chunk_fine(void *context, size_t i)
 {
     rti_kdbuilder *b = (rti_kdbuilder *)context;
     size_t first = i * RTI_CHUNK, left = b->work->count - first;
-    rti_kd_count_fine(b->grid, b->axis, b->bin, b->work->refs + first, left < RTI_CHUNK ? left : RTI_CHUNK, &b->chunks[i].fine);
+    rti_kd_count_fine(b->grid, b->axis, b->bin, b->work->refs + first, left < RTI_CHUNK ? left : RTI_CHUNK, b->chunks[i].fine);
 }
 
 /* The best plane through w; false: w is better a leaf. chunked: in parallel (b is then not shared). */
@@ -2086,14 +2128,14 @@ static bool rti_kd_plane(const rti_kdbuilder *b, const rti_kdwork *w, rti_kdbuil
 {
     rti_kdcost cost;
     memset(best, 0, sizeof *best);
-    best->cost = (double)w->count;          /* as a leaf */
-    if (!w->count || w->depth >= b->max_depth || !rti_kd_cost(b, &w->cell, &cost)) return false;
+    best->cost = (float)w->count;           /* as a leaf */
+    if ((float)w->count <= b->traversal || w->depth >= b->max_depth || !rti_kd_cost(b, &w->cell, &cost)) return false;
     if (w->count <= b->few) rti_kd_try_all(w, &cost, best);
     else {
         const rti_kdgrid grid = rti_kd_make_grid(&w->cell);
         const size_t chunks = chunked ? rti_chunk_total(w->count) : 1;
         rti_kdbins bins;
-        rti_kdfine fine;
+        rti_kdfine fine[RTI_KD_BINS];
         bool found;
         float left = 0, right = 0;
         size_t i;
@@ -2118,24 +2160,18 @@ static bool rti_kd_plane(const rti_kdbuilder *b, const rti_kdwork *w, rti_kdbuil
         for (k = 0; k < 6; k++)
             rti_kd_offer_wall(best, &cost, &w->cell, k % 3, k / 3, (float)bins.walls[k / 3][k % 3],
                               (float)(w->count - bins.walls[k / 3][k % 3]));
-        if (!found) return best->cost < (double)w->count;
+        if (!found) return best->cost < (float)w->count;
         if (chunked) {
             chunked->axis = axis;
             chunked->bin = bin;
             rti_for(b->opt, chunks, rti_kd_chunk_fine, chunked);
-            fine = b->chunks[0].fine;
+            memcpy(fine, b->chunks[0].fine, sizeof fine);
             for (i = 1; i < chunks; i++)
-                for (k = 0; k < RTI_KD_BINS; k++) {
-                    const rti_kdfine *f = &b->chunks[i].fine;
-                    fine.starts[k] += f->starts[k];
-                    fine.ends[k] += f->ends[k];
-                    if (f->first[k] < fine.first[k]) fine.first[k] = f->first[k];
-                    if (f->last[k] > fine.last[k]) fine.last[k] = f->last[k];
-                }
-        } else rti_kd_count_fine(&grid, axis, bin, w->refs, w->count, &fine);
-        rti_kd_best_fine(&fine, axis, left, right, w, &cost, best);
+                for (k = 0; k < RTI_KD_BINS; k++) rti_kd_merge_fine(&fine[k], &b->chunks[i].fine[k]);
+        } else rti_kd_count_fine(&grid, axis, bin, w->refs, w->count, fine);
+        rti_kd_best_fine(fine, axis, left, right, w, &cost, best);
     }
-    return best->cost < (double)w->count;
+    return best->cost < (float)w->count;
 }
 
 /* ---- clipping */
@@ -2159,22 +2195,48 @@ static int rti_kd_cut(const rti_kdpoint *from, int n, int axis, double at, doubl
     return m;
 }
 
-/* Shrinks ref to the corners' bounds, rounded outwards. */
-static void rti_kd_shrink(rti_ref *ref, const rti_kdpoint *corners, int n)
+/* Shrinks ref to bounds, rounded outwards. */
+static void rti_kd_shrink(rti_ref *ref, const double lo[3], const double hi[3])
 {
-    int i, k;
+    int k;
     for (k = 0; k < 3; k++) {
-        double lo = corners[0].x[k], hi = lo;
-        float low, high;
-        for (i = 1; i < n; i++) {
-            if (corners[i].x[k] < lo) lo = corners[i].x[k];
-            if (corners[i].x[k] > hi) hi = corners[i].x[k];
-        }
-        low = rti_float_down(lo);
-        high = rti_float_up(hi);
+        const float low = rti_float_down(lo[k]), high = rti_float_up(hi[k]);
         if (low > ref->lo[k]) ref->lo[k] = low < ref->hi[k] ? low : ref->hi[k];
         if (high < ref->hi[k]) ref->hi[k] = high > ref->lo[k] ? high : ref->lo[k];
     }
+}
+
+RTI_INLINE void rti_kd_grow(double lo[3], double hi[3], const double x[3])
+{
+    int k;
+    for (k = 0; k < 3; k++) {
+        lo[k] = x[k] < lo[k] ? x[k] : lo[k];
+        hi[k] = x[k] > hi[k] ? x[k] : hi[k];
+    }
+}
+
+/* Bounds of what of the polygon lies on the side of the plane; false: at most touches it from there. */
+static bool rti_kd_half(const rti_kdpoint *corners, int n, int axis, double at, double room, double sign, double lo[3], double hi[3])
+{
+    bool inside = false;
+    int i, k;
+    for (k = 0; k < 3; k++) {
+        lo[k] = HUGE_VAL;
+        hi[k] = -HUGE_VAL;
+    }
+    for (i = 0; i < n; i++) {
+        const rti_kdpoint *p = &corners[i], *q = &corners[i + 1 < n ? i + 1 : 0];
+        const double d = (at - p->x[axis]) * sign, dp = d + room, dq = (at - q->x[axis]) * sign + room;
+        inside |= d > 0;
+        if (dp >= 0) rti_kd_grow(lo, hi, p->x);
+        if ((dp > 0 && dq < 0) || (dp < 0 && dq > 0)) {
+            const double t = dp / (dp - dq);
+            double x[3];
+            for (k = 0; k < 3; k++) x[k] = p->x[k] + (q->x[k] - p->x[k]) * t;
+            rti_kd_grow(lo, hi, x);
+        }
+    }
+    return inside;
 }
 
 /* Cuts a ref that lies on both sides of plane: sides[0] and sides[1], and which of them are left, as bits. A triangle is clipped to the
@@ -2188,10 +2250,10 @@ static int rti_kd_clip(const rt_geometry *geo, const rti_kdcell *cell, const rti
     sides[0] = sides[1] = *ref;
     sides[0].hi[axis] = sides[1].lo[axis] = plane->at;
     if (ref->kind == RTI_TRIANGLE) {
-        rti_kdpoint corners[2][10], half[10];
+        rti_kdpoint corners[2][10];
         float v[9];
         double room = 0;
-        int n = 3, now = 0, m;
+        int n = 3, now = 0;
         (void)rti_fetch_triangle(geo, ref->prim, v);
         for (k = 0; k < 9; k++) {
             double size = fabs((double)v[k]);
@@ -2213,12 +2275,9 @@ static int rti_kd_clip(const rt_geometry *geo, const rti_kdcell *cell, const rti
         }
         if (!n) return 3;                   /* rounding left nothing of it: the box decides */
         for (side = 0; side < 2; side++) {
-            double sign = side ? -1 : 1;
-            bool inside = false;            /* more than touches the plane from this side */
-            for (m = 0; m < n; m++) inside |= ((double)plane->at - corners[now][m].x[axis]) * sign > 0;
-            if (!inside) continue;
-            m = rti_kd_cut(corners[now], n, axis, (double)plane->at + sign * room, sign, half);
-            rti_kd_shrink(&sides[side], half, m);
+            double lo[3], hi[3];
+            if (!rti_kd_half(corners[now], n, axis, (double)plane->at, room, side ? -1 : 1, lo, hi)) continue;
+            rti_kd_shrink(&sides[side], lo, hi);
             left |= 1 << side;
         }
         return left ? left : 1;             /* all in the plane */
@@ -2362,7 +2421,7 @@ static void rti_kd_run_lane(void *context, size_t index)
 /* ---- the top of the tree */
 
 /* Room for one more: *array is moved to one twice as large when it is full. */
-static bool rti_kd_grow(void **array, size_t *limit, size_t count, size_t size, void *user)
+static bool rti_kd_enlarge(void **array, size_t *limit, size_t count, size_t size, void *user)
 {
     void *more;
     if (count < *limit) return true;
@@ -2379,7 +2438,7 @@ static bool rti_kd_new_block(rti_kdbuilder *b, uint32_t node, size_t nodes, size
 {
     void *array = b->blocks, *user = b->opt->memory_user;
     rti_kdblock *block;
-    bool grown = rti_kd_grow(&array, &b->block_limit, b->block_count, sizeof(rti_kdblock), user);
+    bool grown = rti_kd_enlarge(&array, &b->block_limit, b->block_count, sizeof(rti_kdblock), user);
     b->blocks = (rti_kdblock *)array;
     if (!grown) return false;
     block = &b->blocks[b->block_count++];
@@ -2469,7 +2528,7 @@ static bool rti_kd_build_top(rti_kdbuilder *b, const rti_kdwork *root)
             b->lanes[waiting++].work = w;
         } else if (rti_kd_plane(b, &w, b, &plane) && rti_kd_affords(&w, &plane)) {
             void *array = b->top;
-            good = rti_kd_grow(&array, &b->top_limit, b->top_count + 2, sizeof(rti_kdnode), user);
+            good = rti_kd_enlarge(&array, &b->top_limit, b->top_count + 2, sizeof(rti_kdnode), user);
             b->top = (rti_kdnode *)array;
             if (!good || !(good = rti_kd_split(b, &w, &plane, parts))) {
                 rti_release(w.refs, user);
