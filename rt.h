@@ -592,16 +592,18 @@ static double rti_half_area(const rti_box *box)
 }
 
 /* The nearest floats not above and not below x. */
-RTI_INLINE float rti_float_down(double x)
-{
-    float f = (float)x;
-    return (double)f > x ? nextafterf(f, -RTI_INFINITY) : f;
-}
 RTI_INLINE float rti_float_up(double x)
 {
     float f = (float)x;
-    return (double)f < x ? nextafterf(f, RTI_INFINITY) : f;
+    uint32_t bits;
+    if (!((double)f < x)) return f;
+    memcpy(&bits, &f, sizeof bits);         /* the next float: floats of one sign are ordered as their bits are */
+    if (bits << 1 == 0) bits = 1;
+    else bits += bits >> 31 ? 0xffffffffu : 1;
+    memcpy(&f, &bits, sizeof f);
+    return f;
 }
+RTI_INLINE float rti_float_down(double x) { return -rti_float_up(-x); }
 
 RTI_INLINE bool rti_coordinate_ok(float x) { return x >= -RT_MAX_COORDINATE && x <= RT_MAX_COORDINATE; }     /* false for NaN */
 
@@ -2195,47 +2197,37 @@ static int rti_kd_cut(const rti_kdpoint *from, int n, int axis, double at, doubl
     return m;
 }
 
-/* Shrinks ref to bounds, rounded outwards. */
-static void rti_kd_shrink(rti_ref *ref, const double lo[3], const double hi[3])
+/* Shrinks ref to the bounds of what of the polygon lies on the side of the plane; false: at most touches it from there. */
+static bool rti_kd_half(const rti_kdpoint *corners, int n, int axis, double at, double room, double sign, rti_ref *ref)
 {
-    int k;
-    for (k = 0; k < 3; k++) {
-        const float low = rti_float_down(lo[k]), high = rti_float_up(hi[k]);
-        if (low > ref->lo[k]) ref->lo[k] = low < ref->hi[k] ? low : ref->hi[k];
-        if (high < ref->hi[k]) ref->hi[k] = high > ref->lo[k] ? high : ref->lo[k];
-    }
-}
-
-RTI_INLINE void rti_kd_grow(double lo[3], double hi[3], const double x[3])
-{
-    int k;
-    for (k = 0; k < 3; k++) {
-        lo[k] = x[k] < lo[k] ? x[k] : lo[k];
-        hi[k] = x[k] > hi[k] ? x[k] : hi[k];
-    }
-}
-
-/* Bounds of what of the polygon lies on the side of the plane; false: at most touches it from there. */
-static bool rti_kd_half(const rti_kdpoint *corners, int n, int axis, double at, double room, double sign, double lo[3], double hi[3])
-{
+    double lo[3] = { HUGE_VAL, HUGE_VAL, HUGE_VAL }, hi[3] = { -HUGE_VAL, -HUGE_VAL, -HUGE_VAL };
     bool inside = false;
     int i, k;
-    for (k = 0; k < 3; k++) {
-        lo[k] = HUGE_VAL;
-        hi[k] = -HUGE_VAL;
-    }
     for (i = 0; i < n; i++) {
         const rti_kdpoint *p = &corners[i], *q = &corners[i + 1 < n ? i + 1 : 0];
         const double d = (at - p->x[axis]) * sign, dp = d + room, dq = (at - q->x[axis]) * sign + room;
         inside |= d > 0;
-        if (dp >= 0) rti_kd_grow(lo, hi, p->x);
+        if (dp >= 0)
+            for (k = 0; k < 3; k++) {
+                lo[k] = p->x[k] < lo[k] ? p->x[k] : lo[k];
+                hi[k] = p->x[k] > hi[k] ? p->x[k] : hi[k];
+            }
         if ((dp > 0 && dq < 0) || (dp < 0 && dq > 0)) {
             const double t = dp / (dp - dq);
-            double x[3];
-            for (k = 0; k < 3; k++) x[k] = p->x[k] + (q->x[k] - p->x[k]) * t;
-            rti_kd_grow(lo, hi, x);
+            for (k = 0; k < 3; k++) {
+                const double x = p->x[k] + (q->x[k] - p->x[k]) * t;
+                lo[k] = x < lo[k] ? x : lo[k];
+                hi[k] = x > hi[k] ? x : hi[k];
+            }
         }
     }
+    if (inside)
+        for (k = 0; k < 3; k++) {           /* rounded outwards */
+            const float low = rti_float_down(lo[k]), high = rti_float_up(hi[k]);
+            float a = low > ref->lo[k] ? low : ref->lo[k], b = high < ref->hi[k] ? high : ref->hi[k];
+            ref->lo[k] = a < ref->hi[k] ? a : ref->hi[k];
+            ref->hi[k] = b > ref->lo[k] ? b : ref->lo[k];
+        }
     return inside;
 }
 
@@ -2274,12 +2266,8 @@ static int rti_kd_clip(const rt_geometry *geo, const rti_kdcell *cell, const rti
             }
         }
         if (!n) return 3;                   /* rounding left nothing of it: the box decides */
-        for (side = 0; side < 2; side++) {
-            double lo[3], hi[3];
-            if (!rti_kd_half(corners[now], n, axis, (double)plane->at, room, side ? -1 : 1, lo, hi)) continue;
-            rti_kd_shrink(&sides[side], lo, hi);
-            left |= 1 << side;
-        }
+        for (side = 0; side < 2; side++)
+            if (rti_kd_half(corners[now], n, axis, (double)plane->at, room, side ? -1 : 1, &sides[side])) left |= 1 << side;
         return left ? left : 1;             /* all in the plane */
     }
 #if RTI_SPHERES
