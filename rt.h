@@ -1776,7 +1776,8 @@ typedef struct { float slope[3], base[3], size[3]; float traversal, bonus; } rti
 
 typedef struct { float origin[4], scale[4], end[4]; } rti_kdgrid;   /* bin = (x - origin) * scale; scale 0: cannot be split */
 typedef struct { uint32_t starts[3][RTI_KD_BINS], ends[3][RTI_KD_BINS], walls[2][3]; } rti_kdbins;
-/* A finer bin: the first and the last place where a primitive starts or ends, and how many end at the first and start at the last. */
+/* A finer bin: the first and the last place where a primitive starts or ends, and how many, flat ones apart, end at the first and start
+   at the last. */
 typedef struct { uint32_t starts, ends, first_ends, last_starts; float first, last; } rti_kdfine;
 typedef struct { rti_kdbins bins; rti_kdfine fine[RTI_KD_BINS]; size_t left, right; } rti_kdchunk;
 
@@ -2042,7 +2043,7 @@ RTI_INLINE rti_kdgrid rti_kd_fine_grid(const rti_kdgrid *grid, int axis, int bin
     fine.scale[axis] = grid->scale[axis] * ((float)RTI_KD_BINS / 2);
     return fine;
 }
-RTI_INLINE void rti_kd_put(rti_kdfine *f, float x, uint32_t starts, uint32_t ends)
+RTI_INLINE void rti_kd_put(rti_kdfine *f, float x, uint32_t starts, uint32_t ends, bool flat)
 {
     f->starts += starts;
     f->ends += ends;
@@ -2054,6 +2055,7 @@ RTI_INLINE void rti_kd_put(rti_kdfine *f, float x, uint32_t starts, uint32_t end
         f->last = x;
         f->last_starts = 0;
     }
+    if (flat) return;
     if (x <= f->first) f->first_ends += ends;
     if (x >= f->last) f->last_starts += starts;
 }
@@ -2069,8 +2071,8 @@ static void rti_kd_count_fine(const rti_kdgrid *grid, int axis, int bin, const r
     for (i = 0; i < count; i++) {
         const float lo = refs[i].lo[axis], hi = refs[i].hi[axis];
         const unsigned a = (unsigned)(rti_kd_bin_of(grid, axis, lo) - bin + 1), c = (unsigned)(rti_kd_bin_of(grid, axis, hi) - bin + 1);
-        if (a < 2) rti_kd_put(&f[rti_kd_bin_of(&fine, axis, lo)], lo, 1, 0);
-        if (c < 2) rti_kd_put(&f[rti_kd_bin_of(&fine, axis, hi)], hi, 0, 1);
+        if (a < 2) rti_kd_put(&f[rti_kd_bin_of(&fine, axis, lo)], lo, 1, 0, lo >= hi);
+        if (c < 2) rti_kd_put(&f[rti_kd_bin_of(&fine, axis, hi)], hi, 0, 1, lo >= hi);
     }
 }
 
@@ -2091,7 +2093,7 @@ static void rti_kd_merge_fine(rti_kdfine *f, const rti_kdfine *more)
 }
 
 /* Between two starts or ends the cost is linear: least at one of them. So each boundary of bins stands for the last one below it and the
-   first one above it. What starts at the plane itself is not below it, and what ends there not above. */
+   first one above it. What starts at the plane itself is not below it, and what ends there not above; flat ones in it go below or above. */
 static void rti_kd_best_fine(const rti_kdfine f[RTI_KD_BINS], int axis, float left, float right, const rti_kdwork *w,
                              const rti_kdcost *cost, rti_kdplane *best)
 {
