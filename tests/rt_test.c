@@ -3440,6 +3440,51 @@ static void rtt_test_kd_planes(void)
         }
 }
 
+/* Ever smaller triangles towards a corner: trees of more than 32 levels, which rays out of the corner climb from end to end. */
+static void rtt_test_kd_deep(void)
+{
+    rtt_random random = rtt_stream();
+    rtt_model model = { 0 };
+    rtt_rays rays = { 0 };
+    rt_build_options options;
+    rt_geometry geometry;
+    rt_accel *accel;
+    rt_info info;
+    float size = 1;
+
+    for (int i = 0; i < 1000; i++, size = rtt_f(size * 0.95f)) {
+        rt_vec3 a = rtt_mul(rtt_v(1, 0.9f, 1), size), b = rtt_mul(rtt_v(1, 1, 0.9f), size);
+
+        rtt_face(&model, rtt_mul(rtt_v(0.99f, 1, 1), size), a, b);
+    }
+    for (int i = 0; i < 150; i++) {
+        rt_vec3 to;
+
+        rtt_segment(&rays, rtt_origin, rtt_add(rtt_v(1, 1, 1), rtt_point(&random, rtt_origin, 0.3f)), 0, INFINITY);
+        rtt_segment(&rays, rtt_v(2, 2, 2), rtt_sub(rtt_point(&random, rtt_origin, 0.3f), rtt_v(1, 1, 1)), 0, INFINITY);
+        to = rtt_feature(&model, &random);
+        rtt_aim(&rays, rtt_point(&random, rtt_origin, ldexpf(1, -(i % 40))), to);
+        rtt_segment(&rays, rtt_origin, rtt_v(1, 0.97f, 0.97f), ldexpf(1, -(i % 60)), INFINITY);
+    }
+    CHECK(rtt_hits(&model, &rays) > 100);
+    geometry = rtt_geometry(&model);
+    memset(&options, 0, sizeof options);
+    options.structure = RT_KDTREE;
+    options.traversal_cost = 0.01f;
+    if (CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK)) {
+        rt_hit *want = (rt_hit *)rtt_array(rays.count, sizeof *want);
+
+        rt_get_info(accel, &info);
+        CHECK(info.depth > 32 && info.depth <= RTI_MAX_DEPTH);
+        rtt_oracle_all(&model, &rays, want);
+        rtt_compare_all("deep", accel, &rays, want);
+        rt_free(accel);
+        free(want);
+    }
+    rtt_rays_free(&rays);
+    rtt_model_free(&model);
+}
+
 /* As deep as allowed with the structures by turns, beginning with either: hits are the same, and name the same path. */
 static void rtt_test_kd_nested(void)
 {
@@ -5474,6 +5519,7 @@ static const rtt_test rtt_tests[] = {
     { "stats", rtt_test_stats },
 #endif
     { "kdtree.planes", rtt_test_kd_planes },
+    { "kdtree.deep", rtt_test_kd_deep },
     { "kdtree.nested", rtt_test_kd_nested },
     { "kdtree.limits", rtt_test_kd_limits },
     { "kdtree.info", rtt_test_kd_info },
