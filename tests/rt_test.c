@@ -3300,6 +3300,8 @@ static void rtt_make_bubbles(rtt_model *model, rtt_model *child, rtt_random *ran
         rtt_ball(model, rtt_v(i & 1 ? 3 : 1, i & 2 ? 3 : 1, i & 4 ? 3 : 1), 1);
     rtt_balls(model, random, 40, rtt_v(2, 2, 2), 2, 0.2f);
     rtt_cloud(model, random, 40, rtt_v(2, 2, 2), 2, 0.2f);
+    for (unsigned axis = 0; axis < 6; axis++)                          /* small cells that the wall of a large sphere just reaches */
+        rtt_cloud(model, random, 12, rtt_add(rtt_v(2, 2, 2), rtt_mul(rtt_axis(axis), 4)), 1e-3f, 1e-4f);
 }
 
 /* Triangles, spheres and instances at the same places: leaves of all kinds. */
