@@ -3522,7 +3522,7 @@ static void rtt_test_kd_nested(void)
 static void rtt_test_kd_limits(void)
 {
     enum { COUNT = 2000 };
-    static const float limits[] = { 1, 1.5f, 0, 2, 10 };               /* 0: the default, 4 */
+    static const float limits[] = { 1, 1.5f, 0, 2, 10 };               /* 0: the default */
     rtt_random random = rtt_stream();
     double plain = 0;
 
@@ -3552,7 +3552,7 @@ static void rtt_test_kd_limits(void)
         rtt_oracle_all(&model, &rays, want);
         geometry = rtt_geometry(&model);
         for (size_t l = 0; l < RTT_COUNT(limits); l++) {
-            double start = rtt_seconds(), limit = limits[l] > 0 ? (double)limits[l] : 4;
+            double start = rtt_seconds(), limit = limits[l] > 0 ? (double)limits[l] : RTI_DUPLICATION;
             rt_build_options options;
             rt_accel *accel;
             rt_info info;
