@@ -179,8 +179,8 @@ static void build_plain(level *l, const level *lower, size_t lower_count)
 static bool brute_force(const rt_accel *accel, rti_packet_1 *p, uint32_t inst)
 {
     bool found = false;
-    if (rti_hit_triangles_1(accel, p, 1, 0, (uint32_t)accel->slots[RTI_TRIANGLE], inst, 0)) found = true;
-    if (rti_hit_spheres_1(accel, p, 1, 0, (uint32_t)accel->slots[RTI_SPHERE], inst, 0)) found = true;
+    if (rti_hit_triangles_1(accel, p, 1, NULL, 0, (uint32_t)accel->slots[RTI_TRIANGLE], inst, 0)) found = true;
+    if (rti_hit_spheres_1(accel, p, 1, NULL, 0, (uint32_t)accel->slots[RTI_SPHERE], inst, 0)) found = true;
     for (size_t i = 0; i < accel->slots[RTI_INSTANCE]; i++) {
         const rti_instance *in = &accel->instances[i];
         const float org[3] = { p->org[0][0], p->org[1][0], p->org[2][0] }, dir[3] = { p->dir[0][0], p->dir[1][0], p->dir[2][0] };
