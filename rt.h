@@ -53,10 +53,12 @@
 
    MEMORY
 
-     An accel takes 32 bytes a node (at most 2 n - 1 nodes, about n on meshes), 40 bytes a triangle (4 with opt->reference),
-     20 bytes a sphere (4), 120 bytes an instance. While building 128 bytes a primitive more, half of them for nodes, all released
-     before rt_build returns. rt_get_info tells what one accel holds. Stack: 2 KiB for a single ray, 9 KiB for a packet, and as
-     much again for each level of instances.
+     An accel takes 40 bytes a triangle (4 with opt->reference), 20 bytes a sphere (4), 120 bytes an instance, and its tree: RT_BVH 32
+     bytes a node (at most 2 n - 1 nodes, about n on meshes); RT_KDTREE 8 bytes a node (2 to 3 n on meshes), 14 more unless
+     opt->no_backtrack, and 4 bytes for each time that a leaf with several primitives names one (at most opt->max_duplication a primitive).
+     While building, RT_BVH takes 128 bytes a primitive more, half of them for nodes; RT_KDTREE 32 bytes a reference, twice at the top of
+     the tree, and a lane of 1 MiB, or 16 with a parallel_for. All is released before rt_build returns; rt_get_info tells what an
+     accel holds. Stack: 2 KiB for a single ray, 9 KiB for a packet, and as much again for each level of instances.
 
    MACROS, each defined before the include
 
@@ -180,7 +182,8 @@ typedef struct {
 #define RT_STRUCTURE_LIST(X) X(RT_BVH, "bvh") X(RT_KDTREE, "kdtree") X(RT_THREADED, "threaded")
 typedef enum { RT_STRUCTURE_LIST(RTI_ENUM) RT_STRUCTURE_COUNT } rt_structure;
 
-/* How long to look for a good tree: bins of the surface area heuristic an axis: 16, 8, 32. */
+/* How long to look for a good tree. RT_BVH: 16, 8, 32 bins of the surface area heuristic an axis; RT_KDTREE: every plane is tried in nodes
+   of up to 32, 8, 64 primitives, 32 bins twice above. */
 typedef enum { RT_BUILD_DEFAULT, RT_BUILD_FAST, RT_BUILD_HIGH } rt_quality;
 
 /* Calls body(context, 0..count-1), each once, in any order, on any threads, and returns when all are done. */
@@ -196,7 +199,7 @@ typedef struct {
     float traversal_cost;                   /* of a node, in primitive tests; 0 = 1.2 for RT_BVH, 1 for RT_KDTREE ([Horn] 4) */
     float empty_bonus;                      /* RT_KDTREE: the part of its cost that a split which cuts off empty space is let off, up to 1;
                                                0 = 0.2, negative: none */
-    float max_duplication;                  /* RT_KDTREE: leaves refer to a primitive at most so many times on average, >= 1; 0 = 5.
+    float max_duplication;                  /* RT_KDTREE: leaves refer to a primitive at most so many times on average, 1 to 64; 0 = 5.
                                                Where the limit is reached leaves just get fuller */
     bool no_backtrack;                      /* RT_KDTREE: leave out the parent links and boxes that only RT_KD_BACKTRACK reads */
     rt_parallel_for parallel_for;           /* NULL: build on this thread. The tree is the same, bit for bit */
@@ -205,7 +208,8 @@ typedef struct {
     rt_error *error;                        /* NULL: only the status tells */
 } rt_build_options;
 
-/* Builds *out from geo: O(n log n) time (binned SAH, [Wald]; depth at most 64 on any input), opt NULL = defaults.
+/* Builds *out from geo: O(n log n) time (binned SAH, [Wald]; k-d trees with clipping, [Havran]; depth at most 64 on any input), opt NULL
+   = defaults.
    RT_ERROR_GEOMETRY names the first bad primitive. On any failure *out is NULL and nothing is kept. */
 RT_API rt_status rt_build(rt_accel **out, const rt_geometry *geo, const rt_build_options *opt);
 
@@ -1755,7 +1759,7 @@ out:
 #if RTI_KDTREE
 
 #define RTI_KD_TASK  ((size_t)1 << 12)
-#define RTI_KD_LANES 16                     /* tasks that run side by side: each has 130 KiB + 200 bytes a reference that it may make */
+#define RTI_KD_LANES 16                     /* tasks that run side by side: each has 130 KiB + 52 bytes a reference that it may make */
 #define RTI_KD_BINS  32
 #define RTI_KD_FEW   64                     /* the most refs for which every plane is tried, at any quality */
 
@@ -2664,7 +2668,8 @@ static rt_status rti_build_kdtree(rt_accel *accel, const rt_geometry *geo, const
 {
     void *user = opt->memory_user;
     const double duplication = opt->max_duplication >= 1 ? (double)opt->max_duplication : RTI_DUPLICATION;
-    const size_t most = count < RTI_KD_TASK ? count : RTI_KD_TASK, room = (size_t)(duplication * (double)most) + 2;
+    const size_t most = count < RTI_KD_TASK ? count : RTI_KD_TASK;
+    const size_t room = (size_t)(duplication * (double)most) + RTI_MAX_DEPTH + 2;           /* shares are rounded once a level */
     const bool great = count > RTI_KD_TASK;
     rti_kdbuilder b;
     rti_kdwork root;
@@ -3121,6 +3126,8 @@ RTI_INLINE int rti_lowest_bit(unsigned bits)
 }
 
 /* ---- >>passes ------------------------------------------------------------------------------------------------------- */
+
+#define RTI_SEEN 16                          /* instances that a walk through a k-d tree remembers */
 
 #define RTI_PASTE2(a, b) a##b
 #define RTI_PASTE(a, b) RTI_PASTE2(a, b)
@@ -3709,10 +3716,12 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_kdring RTI_NAME_(rti_kdring)
 #define rti_kd_push RTI_NAME_(rti_kd_push)
 #define rti_kd_cross RTI_NAME_(rti_kd_cross)
+#define rti_kd_hit_run RTI_NAME_(rti_kd_hit_run)
 #define rti_kd_hit_leaf RTI_NAME_(rti_kd_hit_leaf)
 #define rti_kd_stack_body RTI_NAME_(rti_kd_stack_body)
 #define rti_kd_restart_body RTI_NAME_(rti_kd_restart_body)
-#define rti_kd_prepare RTI_NAME_(rti_kd_prepare)
+#define rti_kd_begin RTI_NAME_(rti_kd_begin)
+#define rti_kd_enter RTI_NAME_(rti_kd_enter)
 #define rti_kd_stack_closest RTI_NAME_(rti_kd_stack_closest)
 #define rti_kd_stack_any RTI_NAME_(rti_kd_stack_any)
 #define rti_kd_stack_closest_count RTI_NAME_(rti_kd_stack_closest_count)
@@ -3936,6 +3945,9 @@ typedef struct {
     float org[3][RTI_WIDTH], dir[3][RTI_WIDTH], tmin[RTI_WIDTH];
     float t[RTI_WIDTH], u[RTI_WIDTH], v[RTI_WIDTH];         /* t starts as tmax */
     union { uint32_t id[RTI_WIDTH]; float bits[RTI_WIDTH]; } prim, inst;   /* bits: to select them like floats */
+#if RTI_INSTANCES && RTI_KDTREE
+    uint32_t seen[RTI_SEEN], seen_by[RTI_SEEN];             /* instances of a k-d tree that were traced last, and by which lanes */
+#endif
     float rdir[3][RTI_WIDTH];                               /* 1 / dir, bounded */
     float plane[2][3][RTI_WIDTH];                           /* org as rti_vplane wants it, padded, for lower and upper planes */
     float shear[2][RTI_WIDTH];                              /* dir[kx] / dir[kz], dir[ky] / dir[kz] */
@@ -4289,10 +4301,24 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_instances(const rt_accel *accel, rti_pa
     unsigned found = 0;
     uint32_t n;
     for (n = first; n < first + count; n++) {
-        const rti_instance *in = &accel->instances[rti_slot(slots, n)];
+        const uint32_t slot = rti_slot(slots, n);
+        const rti_instance *in = &accel->instances[slot];
+        unsigned todo = lanes;
         rti_packet inner;
         unsigned legal, hit;
         int i, k;
+#if RTI_KDTREE
+        if (slots) {                        /* in several leaves: each ray goes through it once, or nested ones would take ever longer */
+            uint32_t *seen = &p->seen[slot % RTI_SEEN], *by = &p->seen_by[slot % RTI_SEEN];
+            if (*seen == slot) todo &= ~*by;
+            else {
+                *seen = slot;
+                *by = 0;
+            }
+            *by |= todo;
+            if (!todo) continue;
+        }
+#endif
         for (i = 0; i < RTI_WIDTH; i++) {
             float org[3], dir[3], to_org[3], to_dir[3];
             for (k = 0; k < 3; k++) {
@@ -4311,7 +4337,7 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_instances(const rt_accel *accel, rti_pa
         }
         inner.prim = p->prim;
         inner.inst = p->inst;
-        legal = rti_prepare(in->accel, &inner, lanes);
+        legal = rti_prepare(in->accel, &inner, todo);
         if (!legal) continue;
         hit = rti_walk(in->accel, &inner, legal, inst + 1 + in->base, job);
         found |= hit;
@@ -4442,7 +4468,8 @@ RTI_WALK(rti_walk_any_count, RTI_WALK_COUNT | RTI_WALK_ALL | RTI_WALK_ANY)
 
    planes    A ray crosses a plane not at one t but from lo to hi, between which it is nearer to the plane than rounding can tell (the
              pad of rti_prepare). The near child is left at hi and the far one entered at lo: a ray in the plane, or through an edge of
-             four cells, sees the cells on both sides of it. Comparisons are closed: cells of no depth are visited.
+             four cells, sees the cells on both sides of it. Comparisons are closed: cells of no depth are visited. That leaves no hit
+             out, since a hit is as near to some point of its primitive, and the cell around that point has the primitive in its leaf.
    restarts  The paper goes on at tMin = the last leaf's tMax. Where intervals overlap that skips leaves; where the last leaf has no depth
              it never ends. We keep which way we went: a bit a level, path, set for the far child, and another, open, where the far child
              waits. To restart is to walk path again down to the deepest open level ([Laine]'s trail): the same nodes as the
@@ -4464,23 +4491,42 @@ typedef struct {
     bool uniform;                           /* no lane goes backward */
 } rti_kdray;
 
-RTI_FN rti_kdray rti_kd_prepare(const rti_packet *p, unsigned live)
+/* Fills r, and at with the root and where the rays are in its box; answers the lanes that are. Not inlined: once a ray. */
+RTI_NOINLINE RTI_TARGET unsigned rti_kd_begin(const rt_accel *accel, rti_packet *p, unsigned live, rti_kdray *r, rti_kdstate *at)
 {
-    rti_kdray r;
+    const rti_slabs s = rti_make_slabs(p);
+    float bounds[6];
     int k;
-    r.uniform = true;
-    r.sides = 0;
+    r->uniform = true;
+    r->sides = 0;
     for (k = 0; k < 3; k++) {
         const rti_v dir = rti_vload(p->dir[k]), lower = rti_vload(p->plane[0][k]), upper = rti_vload(p->plane[1][k]);
         const unsigned negative = rti_vnegative(dir), first = live & (0u - live);
-        r.axis[k].rdir = rti_vload(p->rdir[k]);
-        if (negative & first) r.sides |= 1u << k;
-        r.axis[k].near_org = rti_vselect(negative, upper, lower);
-        r.axis[k].far_org = rti_vselect(negative, lower, upper);
-        r.axis[k].backward = negative & first ? ~negative & RTI_ALL_LANES : negative;
-        if (r.axis[k].backward & live) r.uniform = false;
+        r->axis[k].rdir = rti_vload(p->rdir[k]);
+        if (negative & first) r->sides |= 1u << k;
+        r->axis[k].near_org = rti_vselect(negative, upper, lower);
+        r->axis[k].far_org = rti_vselect(negative, lower, upper);
+        r->axis[k].backward = negative & first ? ~negative & RTI_ALL_LANES : negative;
+        if (r->axis[k].backward & live) r->uniform = false;
+        bounds[k] = accel->lower[k];
+        bounds[3 + k] = accel->upper[k];
     }
-    return r;
+#if RTI_INSTANCES
+    if (accel->slots[RTI_INSTANCE]) memset(p->seen, 0xff, sizeof p->seen);
+#endif
+    at->node = accel->kdnodes;
+    return live & rti_hit_box(&s, bounds, rti_vload(p->t), &at->tmin, &at->tmax);
+}
+
+/* The same, to what the walk keeps in registers: whose address it must not give away. */
+RTI_FN unsigned rti_kd_enter(const rt_accel *accel, rti_packet *p, unsigned live, rti_kdray *r, rti_kdstate *at)
+{
+    rti_kdray ray;
+    rti_kdstate root;
+    live = rti_kd_begin(accel, p, live, &ray, &root);
+    *r = ray;
+    *at = root;
+    return live;
 }
 
 /* Splits the interval [tmin, tmax] at a node's plane between its first and its second child. Answers whether any live lane wants the
@@ -4523,43 +4569,47 @@ RTI_FN unsigned rti_kd_cross(const rti_kdray *r, const rti_kdnode *nodes, const 
         RTI_TALLY(job->stats, flags, steps, 1);                                                         \
     } while (0)
 
+/* Any primitives of one kind; not inlined, since a copy in every walk would be most of the code. */
+RTI_NOINLINE RTI_TARGET unsigned rti_kd_hit_run(const rt_accel *accel, rti_packet *p, unsigned lanes, const uint32_t *slots, uint32_t count,
+                                                uint32_t inst, const rti_job *job)
+{
+    if (job->query == RT_ANY) return rti_hit_leaf(accel, p, lanes, slots, 0, count, inst, RTI_WALK_ALL | RTI_WALK_ANY, job);
+    return rti_hit_leaf(accel, p, lanes, slots, 0, count, inst, RTI_WALK_ALL, job);
+}
+
 RTI_FN unsigned rti_kd_hit_leaf(const rt_accel *accel, rti_packet *p, unsigned lanes, const rti_kdnode *leaf, uint32_t inst,
                                 const int flags, const rti_job *job)
 {
     const uint32_t first = leaf->word >> 2, count = leaf->as.count, n = count & RTI_COUNT_MASK;
+    const uint32_t *const slots = n == 1 ? &first : accel->kdslots + first;
     RTI_TALLY(job->stats, flags, leaves, rti_bit_count(lanes));
-    if (flags & RTI_WALK_ALL && RTI_UNLIKELY(count >> RTI_KIND_SHIFT == RTI_MIXED)) {
-        const uint32_t *entry = accel->kdslots + first, *const end = entry + n;
+    if (!(flags & RTI_WALK_ALL)) return rti_hit_leaf(accel, p, lanes, slots, 0, count, inst, flags, job);
+    RTI_TALLY(job->stats, flags, prims, n * (uint32_t)rti_bit_count(lanes));
+    if (count >> RTI_KIND_SHIFT != RTI_MIXED) return rti_kd_hit_run(accel, p, lanes, slots, count, inst, job);
+    {
         unsigned found = 0;
-        while (entry < end && lanes) {      /* entries of one kind at a time */
-            const uint32_t kind = *entry & ~RTI_COUNT_MASK;
-            uint32_t same = 1;
+        uint32_t from, to;
+        for (from = 0; from < n && lanes; from = to) {          /* entries of one kind at a time */
+            const uint32_t kind = slots[from] & ~RTI_COUNT_MASK;
             unsigned hit;
-            while (entry + same < end && (entry[same] & ~RTI_COUNT_MASK) == kind) same++;
-            found |= hit = rti_hit_leaf(accel, p, lanes, entry, 0, kind | same, inst, flags, job);
+            for (to = from + 1; to < n && (slots[to] & ~RTI_COUNT_MASK) == kind; to++) {}
+            found |= hit = rti_kd_hit_run(accel, p, lanes, slots + from, kind | (to - from), inst, job);
             if (flags & RTI_WALK_ANY) lanes &= ~hit;
-            entry += same;
         }
         return found;
     }
-    return n ? rti_hit_leaf(accel, p, lanes, n == 1 ? &first : accel->kdslots + first, 0, count, inst, flags, job) : 0;
 }
 
 RTI_FN unsigned rti_kd_stack_body(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const int flags, const rti_job *job)
 {
     rti_kdstate stack[RTI_MAX_DEPTH], at, first, second;
     const rti_kdnode *const nodes = accel->kdnodes;
-    const rti_slabs s = rti_make_slabs(p);
-    const rti_kdray r = rti_kd_prepare(p, live);
+    rti_kdray r;
     unsigned found = 0, lanes;
-    float bounds[6];
     int top = 0;
     (void)job;
-    memcpy(bounds, accel->lower, sizeof accel->lower);
-    memcpy(bounds + 3, accel->upper, sizeof accel->upper);
-    live &= rti_hit_box(&s, bounds, rti_vload(p->t), &at.tmin, &at.tmax);
+    live = rti_kd_enter(accel, p, live, &r, &at);
     if (!live) return 0;
-    at.node = nodes;
     for (;;) {
         while ((at.node->word & 3) != RTI_LEAF) {
             const unsigned wants = rti_kd_cross(&r, nodes, &at, live, &first, &second);
@@ -4623,21 +4673,16 @@ RTI_FN unsigned rti_kd_restart_body(const rt_accel *accel, rti_packet *p, unsign
     rti_kdring ring;
     rti_kdstate at, first, second, base;
     const rti_kdnode *const nodes = accel->kdnodes;
-    const rti_slabs s = rti_make_slabs(p);
-    const rti_kdray r = rti_kd_prepare(p, live);
+    rti_kdray r;
     const bool push_down = job->algorithm != RT_KD_RESTART, backtrack = RTI_WIDTH == 1 && job->algorithm == RT_KD_BACKTRACK;
     uint64_t path = 0, open = 0;            /* bit l: at level l */
     unsigned found = 0, lanes;
-    float bounds[6];
     int level = 0, base_level = 0;
     ring.entries = job->entries;
     ring.held = ring.top = 0;
     ring.lost = rti_vset(RTI_INFINITY);
-    memcpy(bounds, accel->lower, sizeof accel->lower);
-    memcpy(bounds + 3, accel->upper, sizeof accel->upper);
-    live &= rti_hit_box(&s, bounds, rti_vload(p->t), &at.tmin, &at.tmax);
+    live = rti_kd_enter(accel, p, live, &r, &at);
     if (!live) return 0;
-    at.node = nodes;
     base = at;
     for (;;) {
         while ((at.node->word & 3) != RTI_LEAF) {
@@ -4689,6 +4734,7 @@ next:
                 open &= ~bit;
                 path = (path & (bit - 1)) | bit;
                 if (backtrack) {
+                    const rti_slabs s = rti_make_slabs(p);
                     uint32_t i = (uint32_t)(at.node - nodes);
                     for (; level >= next; level--) {
                         i = accel->kdlinks[i / 2].parent;
@@ -4882,10 +4928,12 @@ RTI_NOINLINE RTI_TARGET void rti_batch(const rt_accel *accel, const rti_job *job
 #undef rti_kdring
 #undef rti_kd_push
 #undef rti_kd_cross
+#undef rti_kd_hit_run
 #undef rti_kd_hit_leaf
 #undef rti_kd_stack_body
 #undef rti_kd_restart_body
-#undef rti_kd_prepare
+#undef rti_kd_begin
+#undef rti_kd_enter
 #undef rti_kd_stack_closest
 #undef rti_kd_stack_any
 #undef rti_kd_stack_closest_count

@@ -57,8 +57,8 @@ for compiler in "gcc -std=c99" "gcc -std=c11" "gcc -std=c17" "gcc -std=gnu17" "c
 done
 
 echo "2. opt-outs, bytes of code and constants at -Os (gcc)"
-all="-DRT_NO_SPHERES -DRT_NO_INSTANCES -DRT_NO_PACKETS -DRT_NO_STATS -DRT_NO_SHADING"
-for optout in "" -DRT_NO_SIMD -DRT_NO_SPHERES -DRT_NO_INSTANCES -DRT_NO_PACKETS -DRT_NO_STATS -DRT_NO_SHADING "$all" "$all -DRT_NO_SIMD"; do
+all="-DRT_NO_KDTREE -DRT_NO_SPHERES -DRT_NO_INSTANCES -DRT_NO_PACKETS -DRT_NO_STATS -DRT_NO_SHADING"
+for optout in "" -DRT_NO_SIMD -DRT_NO_KDTREE -DRT_NO_SPHERES -DRT_NO_INSTANCES -DRT_NO_PACKETS -DRT_NO_STATS -DRT_NO_SHADING "$all" "$all -DRT_NO_SIMD"; do
     for compiler in "gcc -std=c99" "clang -std=c99" "g++ -x c++ -std=c++11" "clang++ -x c++ -std=c++11"; do
         $compiler -O2 $warn $optout -I. -c $dir/one.c -o $dir/optout.o || fail "$compiler $optout"
     done
