@@ -56,8 +56,9 @@ VALGRIND_TESTS = random spheres mixed instances ugly.degenerate rays refit build
 THREAD_TESTS   = threads build.parallel shading.render
 check:
 	$(call need,valgrind,valgrind)
-	$(MAKE) config=asan build/asan/rt_test build/asan/render
+	$(MAKE) config=asan build/asan/rt_test build/asan/render build/asan/rt_fuzz
 	build/asan/rt_test
+	build/asan/rt_fuzz 300
 	build/asan/render rings:2 -o build/asan/rings.ppm --size 160x120
 	$(MAKE) config=tsan build/tsan/rt_test build/tsan/render
 	build/tsan/rt_test $(THREAD_TESTS)

@@ -3518,6 +3518,60 @@ static void rtt_test_kd_nested(void)
     }
 }
 
+/* An instance in many leaves of each of eight levels: a ray goes through it once a level, whatever the number of leaves. */
+static void rtt_test_kd_revisits(void)
+{
+    enum { RAYS = 200 };
+    double prims[2];
+
+    for (int kd = 0; kd < 2; kd++) {
+        rtt_random random = rtt_stream();
+        rt_accel *accels[RT_MAX_NESTING + 1];
+        rt_trace_options trace;
+        rt_ray rays[RAYS];
+        rt_hit hits[RAYS];
+        rt_stats stats;
+        int built = 0;
+
+        for (int k = 0; k <= RT_MAX_NESTING; k++) {
+            rtt_model model = { 0 };
+            rt_build_options options;
+            rt_geometry geometry;
+            rt_instance instance;
+
+            for (int i = 0; i < 60; i++) {
+                rt_vec3 at = rtt_point(&random, rtt_origin, 1);
+                rtt_face(&model, at, rtt_add(at, rtt_v(0.02f, 0, 0)), rtt_add(at, rtt_v(0, 0.02f, 0.01f)));
+            }
+            geometry = rtt_geometry(&model);
+            memset(&instance, 0, sizeof instance);
+            instance.transform[0] = instance.transform[5] = instance.transform[10] = 1;
+            if (k) {
+                instance.accel = accels[k - 1];
+                geometry.instances = &instance;
+                geometry.instance_count = 1;
+            }
+            memset(&options, 0, sizeof options);
+            options.structure = kd ? RT_KDTREE : RT_BVH;
+            if (!CHECK_STATUS(rt_build(&accels[k], &geometry, &options), RT_OK))
+                break;
+            built++;
+            rtt_model_free(&model);
+        }
+        for (int i = 0; i < RAYS; i++)
+            rays[i] = (rt_ray){ rtt_point(&random, rtt_origin, 3), 0, rtt_point(&random, rtt_origin, 1), INFINITY };
+        memset(&trace, 0, sizeof trace);
+        memset(&stats, 0, sizeof stats);
+        trace.packet_width = 1;
+        trace.stats = &stats;
+        CHECK_STATUS(rt_trace(accels[built - 1], &trace, rays, RAYS, hits), RT_OK);
+        prims[kd] = (double)stats.prims;
+        while (built)
+            rt_free(accels[--built]);
+    }
+    CHECK(prims[1] < 50 * prims[0]);        /* thousands of times as many where each leaf traces it again */
+}
+
 /* Primitives that lie in ever more cells the finer the tree: references stay below the limit, depth and time bounded, hits right. */
 static void rtt_test_kd_limits(void)
 {
@@ -5523,6 +5577,7 @@ static const rtt_test rtt_tests[] = {
     { "kdtree.planes", rtt_test_kd_planes },
     { "kdtree.deep", rtt_test_kd_deep },
     { "kdtree.nested", rtt_test_kd_nested },
+    { "kdtree.revisits", rtt_test_kd_revisits },
     { "kdtree.limits", rtt_test_kd_limits },
     { "kdtree.info", rtt_test_kd_info },
     { "kdtree.options", rtt_test_kd_options },
