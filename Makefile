@@ -52,8 +52,8 @@ bench: $(B)/bench | out
 	$(B)/bench $(or $(BENCH),--paper all --svg out/horn_figure2.svg)
 
 # Sanitizers see every test; valgrind, 30 times slower, those that matter for memory; the thread sanitizer those with threads.
-VALGRIND_TESTS = random spheres mixed instances ugly.degenerate rays refit build.bad build.layouts build.quality memory options stats shading loader
-THREAD_TESTS   = threads build.parallel shading.render
+VALGRIND_TESTS = random spheres mixed instances ugly.degenerate rays refit build.bad build.layouts build.quality memory options stats shading raster.errors raster.render loader
+THREAD_TESTS   = threads build.parallel shading.render raster.render
 check:
 	$(call need,valgrind,valgrind)
 	$(MAKE) config=asan build/asan/rt_test build/asan/render build/asan/rt_fuzz

@@ -23,10 +23,12 @@
 
    CONTENTS (search for the tag)
 
-       declarations    >>config   >>types     >>status   >>geometry  >>build   >>query   >>shading-api
+       declarations    >>config   >>types     >>status   >>geometry  >>build   >>query   >>camera-api
+                       >>raster-api           >>shading-api
        implementation  >>platform >>memory    >>math     >>layout    >>instance >>validate >>refs    >>bins    >>bvh
-                       >>kdtree   >>build-any >>refit    >>info      >>ray      >>passes   >>algorithms >>public >>shading
-       one pass a SIMD width (this file includes itself)  >>wide  >>boxes  >>primitives  >>traverse
+                       >>kdtree   >>build-any >>refit    >>info      >>ray      >>tiles    >>passes  >>algorithms >>public
+                       >>camera   >>raster    >>shading
+       one pass a SIMD width (this file includes itself)  >>wide  >>boxes  >>primitives  >>traverse  >>cover
        license         >>license
 
    CONVENTIONS
@@ -72,7 +74,7 @@
        RT_NO_PACKETS        leave out every form with packets
        RT_NO_SPHERES, RT_NO_INSTANCES   leave these primitives out of rt_geometry and of the code
        RT_NO_STATS          leave out rt_stats
-       RT_NO_SHADING        leave out cameras, materials and the renderer
+       RT_NO_SHADING        leave out cameras, rasterised eye rays, materials and the renderer
      The RT_NO_* of types (SPHERES, INSTANCES, STATS) change structs: define them alike in every file that includes this one.
 
    PAPERS
@@ -339,7 +341,7 @@ RT_API rt_status rt_trace(const rt_accel *accel, const rt_trace_options *opt, co
 /* The instruction set that RT_ISA_AUTO picks here. */
 RT_API rt_isa rt_best_isa(void);
 
-/* ---- >>shading-api -------------------------------------------------------------------------------------------------- */
+/* ---- >>camera-api --------------------------------------------------------------------------------------------------- */
 
 #ifndef RT_NO_SHADING
 
@@ -349,6 +351,58 @@ typedef struct { rt_vec3 eye, look, up; float fov; } rt_camera;
 /* The camera's ray through point (x, y) of a width x height picture, in pixels from the top left corner (a pixel's middle is at
    +0.5); width and height >= 1. dir has unit depth along the view axis: t is depth. tmin is 0, tmax infinite. */
 RT_API rt_ray rt_camera_ray(const rt_camera *camera, float x, float y, int width, int height);
+
+/* ---- >>raster-api --------------------------------------------------------------------------------------------------- */
+
+/* Eye rays without a tree: [Horn] 4 rasterises what the camera sees and traces only what follows. The hits are those of rt_trace with
+   the rays of rt_camera_ray, bit for bit. That pays for a picture or a few of geometry that changes: sorting the primitives into the tiles
+   of the picture costs far less than building a tree. */
+
+/* Zero is the default of every field. */
+typedef struct {
+    bool skip_invalid;                      /* leave bad primitives out and count them (rt_raster_info.skipped) instead of failing */
+    float offset_x, offset_y;               /* rt_rasterize: the sample from the pixel's middle, right and down, -0.5 to 0.5 pixels */
+    rt_parallel_for parallel_for;           /* NULL: on this thread. Lists and hits are the same, bit for bit */
+    void *parallel_user;
+    void *memory_user;                      /* given to RT_MALLOC and RT_FREE */
+    rt_isa isa;
+    rt_error *error;                        /* NULL: only the status tells */
+} rt_raster_options;
+
+typedef struct rt_raster rt_raster;         /* opaque: the primitives of a geometry, sorted into the tiles of a picture */
+
+/* Sorts geo's primitives into the tiles of the picture that camera sees: O(n) time, opt NULL = defaults. Width and height are 1 to 2^20.
+   geo is not copied: its arrays must stay as they are until rt_raster_free. Takes 20 bytes a primitive, 4 bytes for each tile that a seen
+   one is listed in (1 to 4, on meshes between 1 and 2), at most 8 bytes a seen primitive for the tiles themselves, 128 bytes an
+   instance; while sorting as many bytes for tiles again, 8 times as many with parallel_for. Large primitives are listed in large tiles,
+   so nothing grows with the picture.
+   RT_ERROR_GEOMETRY names the first bad primitive, as rt_build does. On any failure *out is NULL and nothing is kept. */
+RT_API rt_status rt_raster_create(rt_raster **out, const rt_geometry *geo, const rt_camera *camera, int width, int height,
+                                  const rt_raster_options *opt);
+
+/* The hits of the pixels [x0,x1) x [y0,y1), written to hits, which holds the whole picture row by row: of the rays through
+   (x + dx, y + dy), dx and dy in [0, 1]. Any number of threads may share r. No allocation, 44 KiB of stack and as much as rt_trace takes
+   for instances. RT_ERROR_ARGUMENT for what is NULL or leaves the picture or the pixel; hits is then untouched. */
+RT_API rt_status rt_raster_tile(const rt_raster *r, int x0, int y0, int x1, int y1, float dx, float dy, rt_hit *hits);
+
+typedef struct {
+    size_t skipped;                         /* primitives left out by skip_invalid */
+    size_t seen;                            /* those that lie in some tile; the others cannot be hit */
+    size_t tiles, entries;                  /* tiles of all sizes, primitives listed in all of them together */
+    size_t bytes;                           /* held by the raster (not by accels it instances) */
+} rt_raster_info;
+
+RT_API void rt_raster_get_info(const rt_raster *r, rt_raster_info *info);
+
+/* Releases r; NULL is fine. */
+RT_API void rt_raster_free(rt_raster *r);
+
+/* All of it in one call: fills hits[0 .. width * height). Faster than the calls above by what misses every sample and is never listed.
+   Errors as those; hits is then untouched. */
+RT_API rt_status rt_rasterize(const rt_geometry *geo, const rt_camera *camera, int width, int height, const rt_raster_options *opt,
+                              rt_hit *hits);
+
+/* ---- >>shading-api -------------------------------------------------------------------------------------------------- */
 
 /* Phong. Colours are linear RGB, reflectances in [0,1]. */
 typedef struct {
@@ -377,6 +431,8 @@ typedef struct {
     int width, height;                      /* of the whole picture */
     int spp;                                /* samples a pixel; 0 = 1 */
     rt_trace_options trace;                 /* algorithm and so on; query is set by the renderer */
+    const rt_raster *raster;                /* NULL: eye rays are traced. Else rasterised with this, which was made of scene->geometry,
+                                               scene->camera, width and height: the same picture, bit for bit */
 } rt_render_options;
 
 typedef struct { uint64_t primary, shadow; } rt_ray_counts;
@@ -384,7 +440,8 @@ typedef struct { uint64_t primary, shadow; } rt_ray_counts;
 /* Renders the pixels [x0,x1) x [y0,y1) of the picture to pixels, which holds the whole picture row by row (linear RGB): so tiles may
    be rendered by any threads in any order, and the picture is the same. rays may be NULL; counts are added to it. Threads may
    share scene and opt, but not what is written: rays, opt->trace.error and opt->trace.stats.
-   Errors as rt_trace; no allocation, 52 KiB of stack and 7 KiB a level of instances. */
+   Errors as rt_trace; RT_ERROR_ARGUMENT where opt->raster is of another camera, size or number of primitives. Eye rays that are rasterised
+   are counted in rays, not in opt->trace.stats. No allocation, 52 KiB of stack and 7 KiB a level of instances; 104 KiB with raster. */
 RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *opt, int x0, int y0, int x1, int y1, rt_vec3 *pixels,
                                 rt_ray_counts *rays);
 
@@ -3125,6 +3182,83 @@ RTI_INLINE int rti_lowest_bit(unsigned bits)
     return n;
 }
 
+/* ---- >>tiles -------------------------------------------------------------------------------------------------------- */
+
+/* What >>raster makes and the kernels of >>cover read. */
+
+#define RTI_BLOCK 16                        /* pixels: a block of 16 x 16 rays is traced in one call */
+#define RTI_BLOCK_RAYS (RTI_BLOCK * RTI_BLOCK)
+#define RTI_MAX_SIDE (1 << 20)              /* floats still tell 16 places in a pixel apart */
+
+#ifndef RT_NO_SHADING
+
+/* right and down are a pixel's steps, corner the direction of the picture's top left corner, at depth 1. */
+typedef struct { rt_vec3 eye, corner, right, down; } rti_view;
+
+/* The way back: for a point p, rows * (p - eye) = depth * (x, y, 1), where the ray through (x, y) meets it at t = depth. Homogeneous: what
+   is linear in p - eye is so before the division, for points behind the eye too. See rti_make_lens for what is known of the errors. */
+typedef struct {
+    double eye[3], rows[3][3];
+    double sums[3];                         /* of a row's absolute values: the most it makes of a vector with components within 1 */
+    double sway[2];                         /* pixels: how far the direction of a ray, rounded, may point beside its sample */
+    double stretch;                         /* how far the depth of such a direction may be from 1 */
+    double tiny;                            /* a distance that no underflow moves a hit by more than 2^-19 of */
+    float edge[2];                          /* the picture's width and height */
+    bool blind;                             /* rounding is all there is to see: no row can be trusted */
+    bool narrow;                            /* floats do where doubles are used otherwise: nothing can overflow */
+} rti_lens;
+
+/* A primitive in the picture: rays through a sample beside lo..hi miss it, and no hit on it has a t below depth. lo > hi: unseen. */
+typedef struct { float lo[2], hi[2], depth; } rti_span;
+
+/* Tiles of 2^shift pixels a side, row by row: tile i holds entries[starts[first + i]] to entries[starts[first + i + 1]]. */
+typedef struct { int shift, columns; uint32_t first; } rti_level;
+#define RTI_MAX_LEVELS 17                   /* 16 pixels to RTI_MAX_SIDE */
+
+/* A block of pixels to cover: at most RTI_BLOCK a side, within one tile of the finest level. */
+typedef struct {
+    int box[4];                             /* x0, y0, x1, y1 */
+    float x, y;                             /* of its first sample */
+    const rt_ray *rays;                     /* packet by packet */
+    rt_hit *hits;                           /* of the pixel (x0, y0) */
+    size_t stride;                          /* hits from a row to the next */
+} rti_block;
+
+typedef void (*rti_see_function)(const rt_raster *r, size_t first, size_t count);
+typedef void (*rti_cover_function)(const rt_raster *r, const rti_block *block);
+
+struct rt_raster {
+    rt_accel accel;                         /* no tree: geo, and instances by their number */
+    rt_camera camera;
+    rti_view view;
+    rti_lens lens;
+    int width, height;
+    rti_see_function see;
+    rti_cover_function cover;
+    int lanes;                              /* triangles of see, rays of a packet of cover */
+    rti_span *spans;                        /* one a primitive */
+    uint32_t *starts, *entries;
+    rti_level levels[RTI_MAX_LEVELS];       /* the finest first; the last is one tile */
+    int level_count;
+    rt_raster_info info;
+};
+
+/* Pixels of a packet and of the square of them that is covered at once, by how many rays are side by side. */
+#define RTI_PACKET_COLUMNS(lanes) ((lanes) == 8 ? 4 : (lanes) == 4 ? 2 : 1)
+#define RTI_PACKET_ROWS(lanes) ((lanes) == 1 ? 1 : 2)
+#define RTI_COVER_SIDE(lanes) ((lanes) == 1 ? 8 : RTI_BLOCK)
+
+RTI_INLINE void rti_project(const rti_lens *lens, const double p[3], double h[3])
+{
+    int k;
+    for (k = 0; k < 3; k++) h[k] = lens->rows[k][0] * p[0] + lens->rows[k][1] * p[1] + lens->rows[k][2] * p[2];
+}
+
+/* How far rounding may move a hit on a primitive whose farthest coordinate is that far from the eye, see rti_make_lens. */
+RTI_INLINE double rti_drift(const rti_lens *lens, double reach) { return (reach + lens->tiny) * 1.9073486328125e-06; }
+
+#endif
+
 /* ---- >>passes ------------------------------------------------------------------------------------------------------- */
 
 #define RTI_SEEN 16                          /* instances that a walk through a k-d tree remembers */
@@ -3342,7 +3476,7 @@ RT_API rt_status rt_trace(const rt_accel *accel, const rt_trace_options *opt, co
     return RT_OK;
 }
 
-/* ---- >>shading ------------------------------------------------------------------------------------------------------ */
+/* ---- >>camera ------------------------------------------------------------------------------------------------------- */
 
 #ifndef RT_NO_SHADING
 
@@ -3375,10 +3509,8 @@ static rt_vec3 rti_normalize(rt_vec3 a)
     return rti_scale(a, 1 / sqrtf(rti_dot(a, a)));
 }
 
-/* right and down are a pixel's steps, corner the direction of the picture's top left corner, at depth 1. */
-typedef struct { rt_vec3 eye, corner, right, down; } rti_view;
-
-static rti_view rti_make_view(const rt_camera *camera, int width, int height)
+/* Not inlined: contracted in one way only, so that all views of a camera are equal. */
+RTI_NOINLINE rti_view rti_make_view(const rt_camera *camera, int width, int height)
 {
     rti_view view;
     rt_vec3 forward = rti_normalize(rti_sub(camera->look, camera->eye)), right, down;
@@ -3395,12 +3527,15 @@ static rti_view rti_make_view(const rt_camera *camera, int width, int height)
     return view;
 }
 
+/* The steps to a column or a row of the picture, rounded: never contracted with the sums that follow. */
+static rt_vec3 rti_steps(rt_vec3 step, float n) { return rti_vec3(rti_roundf(step.x * n), rti_roundf(step.y * n), rti_roundf(step.z * n)); }
+
 static rt_ray rti_view_ray(const rti_view *view, float x, float y)
 {
     rt_ray ray;
     ray.org = view->eye;
     ray.tmin = 0;
-    ray.dir = rti_add(view->corner, rti_add(rti_scale(view->right, x), rti_scale(view->down, y)));
+    ray.dir = rti_add(view->corner, rti_add(rti_steps(view->right, x), rti_steps(view->down, y)));
     ray.tmax = RTI_INFINITY;
     return ray;
 }
@@ -3410,6 +3545,552 @@ RT_API rt_ray rt_camera_ray(const rt_camera *camera, float x, float y, int width
     rti_view view = rti_make_view(camera, width, height);
     return rti_view_ray(&view, x, y);
 }
+
+/* ---- >>raster ------------------------------------------------------------------------------------------------------- */
+
+/* [Horn] 4: rasterisation in the place of eye rays. Sort-middle: each primitive is projected once and listed in the tiles that it may be
+   seen in; then each block of pixels tests its packets against what its tiles list, with the very test that tracing uses. So projection
+   decides only what is tested, and must be conservative, as boxes must (see rti_prepare). No clipping: points stay homogeneous.
+
+   Errors, with e = 2^-24. The camera's ray through (x, y) has the direction d = corner + x right + y down + w, where |w| <= 4 e B in each
+   component for the three products and sums, B being the largest that a component can get: 8 e B is taken. rows, in double, of products
+   that are exact, is good to 2^-30 (blind otherwise). Row k makes at most sums[k] |w| of w: so d is seen at (x, y, 1) + errors of sums[k]
+   8 e B, and divided by its third component, within 1 +- stretch, at most sway pixels beside (x, y). What floats lose of x, of x + dx and
+   of differences of them, each e times the picture's width and 16 e taken, is added to that.
+
+   A hit: the sheared vertices of [Woop] move by up to 8 e R sideways, R the vertex's largest distance from the eye along an axis; a ray
+   that is accepted meets the triangle of the moved vertices exactly. Along the ray t errs by e R. Hits on spheres and, beyond what
+   rti_set_reach says, on instances lie within 16 e R of their boxes. For all of them 32 e R is taken, R being the primitive's farthest; row
+   k makes at most sums[k] 32 e R of that. It includes what doubles lose everywhere, 2^-48 R, also where the eye lies in the primitive and
+   the sign of t is noise. Smallest floats (or zeros instead, with flush-to-zero) matter where R is small: tiny is added to it.
+
+   The usual camera has sums[0] of two or three times the picture's height, and all of that is a few thousandths of a pixel. A camera
+   whose fov is tiny, or near 180 degrees, has many pixels of it: all that its rays' floats leave it. */
+
+static rti_lens rti_make_lens(const rti_view *view, int width, int height)
+{
+    const double c[3] = { (double)view->corner.x, (double)view->corner.y, (double)view->corner.z };
+    const double r[3] = { (double)view->right.x, (double)view->right.y, (double)view->right.z };
+    const double d[3] = { (double)view->down.x, (double)view->down.y, (double)view->down.z };
+    double det = 0, terms = 0, most = 0, error;
+    rti_lens lens;
+    int i, k;
+    memset(&lens, 0, sizeof lens);
+    lens.eye[0] = (double)view->eye.x;
+    lens.eye[1] = (double)view->eye.y;
+    lens.eye[2] = (double)view->eye.z;
+    lens.edge[0] = (float)width;
+    lens.edge[1] = (float)height;
+    for (k = 0; k < 3; k++) {
+        const int k1 = (k + 1) % 3, k2 = (k + 2) % 3;
+        double size = fabs(c[k]) + fabs(r[k]) * width + fabs(d[k]) * height;
+        lens.rows[0][k] = d[k1] * c[k2] - d[k2] * c[k1];
+        lens.rows[1][k] = c[k1] * r[k2] - c[k2] * r[k1];
+        lens.rows[2][k] = r[k1] * d[k2] - r[k2] * d[k1];
+        det += r[k] * lens.rows[0][k];
+        terms += fabs(r[k] * lens.rows[0][k]);
+        if (size > most) most = size;
+    }
+    for (i = 0; i < 3; i++)
+        for (k = 0; k < 3; k++) {
+            lens.rows[i][k] /= det;
+            lens.sums[i] += fabs(lens.rows[i][k]);
+        }
+    error = 4.76837158203125e-07 * most;    /* 8 e B */
+    lens.stretch = lens.sums[2] * error;
+    lens.tiny = 1e-30 * (1 + most);
+    for (k = 0; k < 2; k++)
+        lens.sway[k] = (lens.sums[k] * error + (double)lens.edge[k] * lens.stretch) / (1 - lens.stretch) +
+                       ((double)lens.edge[k] + RTI_BLOCK) * 9.5367431640625e-07;
+    lens.narrow = lens.sums[0] + lens.sums[1] + lens.sums[2] < 1e9;
+    lens.blind = !(fabs(det) > terms * 9.5367431640625e-07) || !(lens.stretch < 0.25) || !(lens.sums[0] + lens.sums[1] < 1e60);
+    return lens;
+}
+
+/* Where the hull of count points, given from the eye, may be seen, rounding moving it and pad as much more. False: nowhere. It is cut at
+   the eye plane: x / depth has its least and greatest at corners of what is in front, or goes to +-infinity where the hull crosses it. */
+static bool rti_see(const rti_lens *lens, double (*p)[3], int count, double pad, rti_span *span)
+{
+    double h[8][3], error[3], lo[2] = { HUGE_VAL, HUGE_VAL }, hi[2] = { -HUGE_VAL, -HUGE_VAL }, depth = HUGE_VAL, reach = 0;
+    bool front = false, back = false;
+    int i, j, k;
+    span->depth = 0;
+    for (k = 0; k < 2; k++) {
+        span->lo[k] = -1;
+        span->hi[k] = lens->edge[k] + 1;
+    }
+    if (lens->blind) return true;
+    for (i = 0; i < count; i++)
+        for (k = 0; k < 3; k++)
+            if (fabs(p[i][k]) > reach) reach = fabs(p[i][k]);
+    pad += rti_drift(lens, reach);
+    for (k = 0; k < 3; k++) error[k] = lens->sums[k] * pad;
+    for (i = 0; i < count; i++) {
+        double nearest, farthest;
+        rti_project(lens, p[i], h[i]);
+        nearest = h[i][2] - error[2];
+        farthest = h[i][2] + error[2];
+        if (nearest < depth) depth = nearest;
+        if (farthest > 0) front = true;
+        if (nearest > 0)
+            for (k = 0; k < 2; k++) {
+                double at = h[i][k] / h[i][2], off = (error[k] + fabs(at) * error[2]) / nearest;
+                if (at - off < lo[k]) lo[k] = at - off;
+                if (at + off > hi[k]) hi[k] = at + off;
+            }
+        else {
+            back = true;
+            for (k = 0; k < 2 && farthest > 0; k++) {
+                double from = h[i][k] - error[k], to = h[i][k] + error[k];
+                if (!(from > 0)) lo[k] = -HUGE_VAL;
+                else if (from / farthest < lo[k]) lo[k] = from / farthest;
+                if (!(to < 0)) hi[k] = HUGE_VAL;
+                else if (to / farthest > hi[k]) hi[k] = to / farthest;
+            }
+        }
+    }
+    if (!front) return false;
+    for (i = 0; i < count && back; i++)
+        for (j = 0; j < count; j++) {
+            if (h[i][2] - error[2] > 0 || !(h[j][2] + error[2] > 0) || i == j) continue;
+            for (k = 0; k < 2; k++) {       /* the side on which the line from i to j crosses the plane */
+                double side = h[i][k] * h[j][2] - h[j][k] * h[i][2];
+                double off = error[k] * (fabs(h[i][2]) + fabs(h[j][2]) + 2 * error[2]) + error[2] * (fabs(h[i][k]) + fabs(h[j][k]));
+                if (!(side < -off)) hi[k] = HUGE_VAL;
+                if (!(side > off)) lo[k] = -HUGE_VAL;
+            }
+        }
+    for (k = 0; k < 2; k++) {
+        lo[k] -= lens->sway[k];
+        hi[k] += lens->sway[k];
+        if (!(hi[k] >= 0 && lo[k] <= (double)lens->edge[k])) return false;
+        if (lo[k] > -1) span->lo[k] = (float)lo[k];
+        if (hi[k] < (double)span->hi[k]) span->hi[k] = (float)hi[k];
+    }
+    depth = depth / (1 + lens->stretch) * 0.999999;
+    if (depth > 0) span->depth = depth < 1e38 ? (float)depth : 1e38f;
+    return true;
+}
+
+/* Fills the span of primitive prim, and the record of an instance. False: it is bad. */
+static bool rti_span_of(rt_raster *r, size_t prim, rti_span *span)
+{
+    const rt_geometry *geo = &r->accel.geo;
+    double p[8][3], pad = 0;
+    rti_box box;
+    int i, k, kind;
+    span->lo[0] = span->lo[1] = 1;
+    span->hi[0] = span->hi[1] = span->depth = 0;
+    if (prim < geo->triangle_count) {
+        float v[9];
+        bool good = rti_fetch_triangle(geo, prim, v);
+        for (k = 0; k < 9 && good; k++) {
+            good = rti_coordinate_ok(v[k]);
+            p[k / 3][k % 3] = (double)v[k] - r->lens.eye[k % 3];
+        }
+        if (good && !rti_see(&r->lens, p, 3, 0, span)) span->lo[0] = 1, span->hi[0] = 0;
+        return good;
+    }
+    if (rti_prim_box(geo, prim, &box, &kind)) return false;
+    for (i = 0; i < 8; i++)
+        for (k = 0; k < 3; k++) p[i][k] = (double)(i >> k & 1 ? box.hi[k] : box.lo[k]) - r->lens.eye[k];
+#if RTI_SPHERES
+    if (kind == RTI_SPHERE) {               /* a box of floats may not show a small radius far from the origin */
+        const rt_sphere *ball = &geo->spheres[prim - geo->triangle_count];
+        const double center[3] = { (double)ball->center.x, (double)ball->center.y, (double)ball->center.z };
+        for (i = 0; i < 8; i++)
+            for (k = 0; k < 3; k++) p[i][k] = center[k] - r->lens.eye[k] + (i >> k & 1 ? 1 : -1) * (double)ball->radius;
+    }
+#endif
+    if (!(box.lo[0] <= box.hi[0])) return true;             /* an empty instance */
+#if RTI_INSTANCES
+    if (kind == RTI_INSTANCE) {
+        size_t number = prim - geo->triangle_count - rti_sphere_count(geo);
+        rti_instance *in = &r->accel.instances[number];
+        rt_accel alone;                     /* with no other primitive: for its reach */
+        double reach = 0, slack;
+        in->prim = (uint32_t)prim;
+        in->base = r->accel.instance_bases[number];
+        rti_fill_instance(in, geo);
+        memset(&alone, 0, sizeof alone);
+        memcpy(alone.lower, box.lo, sizeof alone.lower);
+        memcpy(alone.upper, box.hi, sizeof alone.upper);
+        alone.node_count = alone.slots[RTI_INSTANCE] = 1;
+        alone.instances = in;
+        rti_set_reach(&alone);
+        for (k = 0; k < 3; k++)
+            if (fabs(r->lens.eye[k]) > reach) reach = fabs(r->lens.eye[k]);
+        slack = (double)alone.spread * 5.9604644775390625e-08 * (reach + (double)alone.extent);
+        pad = 2 * slack + rti_drift(&r->lens, slack);
+    }
+#endif
+    if (!rti_see(&r->lens, p, 8, pad, span)) span->lo[0] = 1, span->hi[0] = 0;
+    return true;
+}
+
+/* One rt_raster_create. */
+typedef struct {
+    rt_raster *raster;
+    size_t total;
+    float least[2], most[2];                /* where in its pixel a sample may lie */
+    size_t *bad, *bad_count, *seen;         /* of each chunk: the first bad primitive, or total; bad ones; those that are seen */
+    size_t groups, group;                   /* for counting: groups of so many primitives, */
+    uint32_t *counts;                       /* each with a count a tile, and then the place of its next entry there */
+    size_t tiles;
+} rti_sorter;
+
+/* Pixels with a sample in the span, in the picture. False: there are none. */
+static bool rti_pixels_of(const rti_sorter *s, const rti_span *span, int first[2], int last[2])
+{
+    int k;
+    if (span->lo[0] > span->hi[0]) return false;
+    for (k = 0; k < 2; k++) {
+        float lo = span->lo[k] - s->most[k], hi = span->hi[k] - s->least[k];
+        int edge = k ? s->raster->height : s->raster->width;
+        first[k] = lo > 0 ? (int)lo : 0;
+        if ((float)first[k] < lo) first[k]++;
+        last[k] = hi < 0 ? -1 : (int)hi;
+        if (last[k] >= edge) last[k] = edge - 1;
+        if (first[k] > last[k]) return false;
+    }
+    return true;
+}
+
+static void rti_see_chunk(void *context, size_t chunk)
+{
+    rti_sorter *s = (rti_sorter *)context;
+    size_t i = chunk * RTI_CHUNK, end = s->total - i < RTI_CHUNK ? s->total : i + RTI_CHUNK, wide = s->raster->accel.geo.triangle_count;
+    if (wide > end) wide = end;
+    if (!s->raster->lens.narrow || s->raster->lens.blind) wide = 0;
+    s->bad[chunk] = s->total;
+    s->bad_count[chunk] = s->seen[chunk] = 0;
+    if (wide > i) s->raster->see(s->raster, i, wide - i);
+    for (; i < end; i++) {
+        rti_span *span = &s->raster->spans[i];
+        int first[2], last[2];
+        if ((i >= wide || span->depth < 0) && !rti_span_of(s->raster, i, span) && !s->bad_count[chunk]++) s->bad[chunk] = i;
+        if (rti_pixels_of(s, span, first, last)) s->seen[chunk]++;
+        else span->lo[0] = 1, span->hi[0] = 0;
+    }
+}
+
+/* The tiles that list a primitive: of the finest level where it meets at most 2 x 2. */
+static uint32_t rti_tiles_of(const rti_sorter *s, size_t prim, uint32_t tiles[4])
+{
+    const rti_span *span = &s->raster->spans[prim];
+    const rti_level *level = s->raster->levels;
+    int first[2], last[2], x, y, shift;
+    uint32_t n = 0;
+    if (!rti_pixels_of(s, span, first, last)) return 0;
+    for (;; level++) {
+        shift = level->shift;
+        if ((last[0] >> shift) - (first[0] >> shift) <= 1 && (last[1] >> shift) - (first[1] >> shift) <= 1) break;
+    }
+    for (y = first[1] >> shift; y <= last[1] >> shift; y++)
+        for (x = first[0] >> shift; x <= last[0] >> shift; x++)
+            tiles[n++] = level->first + (uint32_t)y * (uint32_t)level->columns + (uint32_t)x;
+    return n;
+}
+
+static void rti_count_group(void *context, size_t group)
+{
+    rti_sorter *s = (rti_sorter *)context;
+    uint32_t *counts = s->counts + group * s->tiles, tiles[4], n;
+    size_t i = group * s->group, end = s->total - i < s->group ? s->total : i + s->group;
+    memset(counts, 0, s->tiles * sizeof *counts);
+    for (; i < end; i++)
+        for (n = rti_tiles_of(s, i, tiles); n > 0; n--) counts[tiles[n - 1]]++;
+}
+
+static void rti_list_group(void *context, size_t group)
+{
+    rti_sorter *s = (rti_sorter *)context;
+    uint32_t *counts = s->counts + group * s->tiles, tiles[4], n;
+    size_t i = group * s->group, end = s->total - i < s->group ? s->total : i + s->group;
+    for (; i < end; i++)
+        for (n = rti_tiles_of(s, i, tiles); n > 0; n--) s->raster->entries[counts[tiles[n - 1]]++] = (uint32_t)i;
+}
+
+/* Levels of tiles, each of twice the side, from no more tiles than primitives that are seen up to one tile. */
+static size_t rti_make_levels(rt_raster *r)
+{
+    size_t tiles = 0, most = r->info.seen < ((size_t)1 << 20) ? r->info.seen : (size_t)1 << 20;
+    int shift = 4;
+    for (;; shift++) {
+        size_t columns = (((size_t)r->width - 1) >> shift) + 1, rows = (((size_t)r->height - 1) >> shift) + 1;
+        rti_level *level = &r->levels[r->level_count];
+        if (columns * rows > most && columns * rows > 1) continue;
+        level->shift = shift;
+        level->columns = (int)columns;
+        level->first = (uint32_t)tiles;
+        r->level_count++;
+        tiles += columns * rows;
+        if (columns * rows == 1) return tiles;
+    }
+}
+
+static rt_status rti_raster_sort(rti_sorter *s, const rt_raster_options *opt)
+{
+    rt_raster *r = s->raster;
+    const rt_geometry *geo = &r->accel.geo;
+    void *user = opt->memory_user;
+    size_t chunks = rti_chunk_total(s->total), i, g, next = 0;
+    rt_build_options loop;
+    memset(&loop, 0, sizeof loop);
+    loop.parallel_for = opt->parallel_for;
+    loop.parallel_user = opt->parallel_user;
+    r->spans = (rti_span *)rti_alloc(s->total, sizeof(rti_span), user);
+    s->bad = (size_t *)rti_alloc(chunks, 3 * sizeof(size_t), user);
+    if (!r->spans || !s->bad) return RT_ERROR_MEMORY;
+    s->bad_count = s->bad + chunks;
+    s->seen = s->bad_count + chunks;
+#if RTI_INSTANCES
+    if (geo->instance_count) {
+        r->accel.instances = (rti_instance *)rti_alloc(geo->instance_count, sizeof(rti_instance), user);
+        if (!r->accel.instances) return RT_ERROR_MEMORY;
+        r->info.bytes += geo->instance_count * sizeof(rti_instance);
+    }
+#endif
+    rti_for(&loop, chunks, rti_see_chunk, s);
+    for (i = 0; i < chunks; i++) {
+        if (s->bad[i] < s->total && !opt->skip_invalid) return rti_bad_prim(opt->error, geo, s->bad[i]);
+        r->info.skipped += s->bad_count[i];
+        r->info.seen += s->seen[i];
+    }
+    s->tiles = rti_make_levels(r);
+    s->groups = chunks < 8 ? chunks : 8;
+    if (!opt->parallel_for || !chunks) s->groups = 1;
+    s->group = (s->total + s->groups - 1) / s->groups;
+    r->starts = (uint32_t *)rti_alloc(s->tiles + 1, sizeof(uint32_t), user);
+    s->counts = (uint32_t *)rti_alloc(s->tiles, s->groups * sizeof(uint32_t), user);
+    if (!r->starts || !s->counts) return RT_ERROR_MEMORY;
+    rti_for(&loop, s->groups, rti_count_group, s);
+    for (i = 0; i < s->tiles; i++) {        /* at most 4 * RT_MAX_PRIMITIVES entries: they fit in 32 bits */
+        r->starts[i] = (uint32_t)next;
+        for (g = 0; g < s->groups; g++) {
+            uint32_t count = s->counts[g * s->tiles + i];
+            s->counts[g * s->tiles + i] = (uint32_t)next;
+            next += count;
+        }
+    }
+    r->starts[i] = (uint32_t)next;
+    r->entries = (uint32_t *)rti_alloc(next, sizeof(uint32_t), user);
+    if (!r->entries) return RT_ERROR_MEMORY;
+    rti_for(&loop, s->groups, rti_list_group, s);
+    r->info.tiles = s->tiles;
+    r->info.entries = next;
+    r->info.bytes += s->total * sizeof(rti_span) + (s->tiles + 1 + next) * sizeof(uint32_t);
+    return RT_OK;
+}
+
+RT_API void rt_raster_free(rt_raster *r)
+{
+    void *user;
+    if (!r) return;
+    user = r->accel.memory_user;
+    rti_release(r->spans, user);
+    rti_release(r->starts, user);
+    rti_release(r->entries, user);
+#if RTI_INSTANCES
+    rti_release(r->accel.instances, user);
+    rti_release(r->accel.instance_slots, user);
+    rti_release(r->accel.instance_bases, user);
+#endif
+    rti_release(r, user);
+}
+
+/* The kernels of the widest packets, as RT_AUTO picks them. */
+static rt_status rti_choose_kernels(rt_raster *r, rt_isa isa, rt_error *error)
+{
+    rt_trace_options trace;
+    rti_batch_function batch;
+    rti_job job;
+    rt_status status;
+    memset(&trace, 0, sizeof trace);
+    trace.isa = isa;
+    trace.error = error;
+    if ((status = rti_choose(&r->accel, &trace, RTI_BLOCK_RAYS, &batch, &job)) != RT_OK) return status;
+#define RTI_KERNELS(suffix, width) \
+    if (batch == rti_batch##suffix) r->see = rti_see_triangles##suffix, r->cover = rti_cover##suffix, r->lanes = width
+    RTI_KERNELS(_1, 1);
+#if RTI_X86 && !RTI_MSVC
+    RTI_KERNELS(_1_avx2, 1);
+#endif
+#if RTI_PACKETS
+    RTI_KERNELS(_4, 4);
+#if RTI_X86
+    RTI_KERNELS(_8, 8);
+#endif
+#endif
+#undef RTI_KERNELS
+    return RT_OK;
+}
+
+/* fixed: every sample lies at the options' offset. */
+static rt_status rti_raster_make(rt_raster **out, const rt_geometry *geo, const rt_camera *camera, int width, int height,
+                                 const rt_raster_options *opt, bool fixed)
+{
+    rt_raster *r;
+    rti_sorter s;
+    rt_status status;
+    int k;
+    *out = NULL;
+    if (!camera) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "camera is NULL");
+    if (width < 1 || height < 1 || width > RTI_MAX_SIDE || height > RTI_MAX_SIDE)
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "a picture of %d x %d: each must lie between 1 and %d", width, height,
+                        RTI_MAX_SIDE);
+    if (!(camera->fov > 0 && camera->fov < 180))
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "the camera's fov must lie between 0 and 180 degrees");
+    if (!(fabsf(opt->offset_x) <= 0.5f && fabsf(opt->offset_y) <= 0.5f))
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "offset_x and offset_y must lie between -0.5 and 0.5");
+    if ((status = rti_check_geometry(geo, opt->error)) != RT_OK) return status;
+
+    r = (rt_raster *)rti_alloc(1, sizeof *r, opt->memory_user);
+    if (!r) return rti_fail(opt->error, RT_ERROR_MEMORY, RT_NONE, "out of memory");
+    memset(r, 0, sizeof *r);
+    memset(&s, 0, sizeof s);
+    r->accel.geo = *geo;
+    r->accel.memory_user = opt->memory_user;
+    r->camera = *camera;
+    r->width = width;
+    r->height = height;
+    r->view = rti_make_view(camera, width, height);
+    r->lens = rti_make_lens(&r->view, width, height);
+    r->info.bytes = sizeof *r;
+    s.raster = r;
+    s.total = geo->triangle_count + rti_sphere_count(geo) + rti_instance_count(geo);
+    for (k = 0; k < 2; k++) {
+        s.least[k] = fixed ? 0.5f + (k ? opt->offset_y : opt->offset_x) : 0;
+        s.most[k] = fixed ? s.least[k] : 1;
+    }
+    status = rti_choose_kernels(r, opt->isa, opt->error);
+    if (status == RT_OK) status = rti_number_instances(&r->accel, geo, opt->error);
+    r->info.bytes += r->accel.bytes;
+    if (status == RT_OK) {
+        status = rti_raster_sort(&s, opt);
+        if (status == RT_ERROR_MEMORY)
+            (void)rti_fail(opt->error, status, RT_NONE, "out of memory for %lu primitives", (unsigned long)s.total);
+    }
+    rti_release(s.bad, opt->memory_user);
+    rti_release(s.counts, opt->memory_user);
+    if (status != RT_OK) rt_raster_free(r);
+    else *out = r;
+    return status;
+}
+
+RT_API rt_status rt_raster_create(rt_raster **out, const rt_geometry *geo, const rt_camera *camera, int width, int height,
+                                  const rt_raster_options *opt)
+{
+    rt_raster_options defaults;
+    if (!opt) {
+        memset(&defaults, 0, sizeof defaults);
+        opt = &defaults;
+    }
+    if (!out) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "out is NULL");
+    return rti_raster_make(out, geo, camera, width, height, opt, false);
+}
+
+RT_API void rt_raster_get_info(const rt_raster *r, rt_raster_info *info) { *info = r->info; }
+
+/* The hits of the pixels in box; hits points to that of its first pixel, stride leads from row to row. Blocks stand on a grid, so that each
+   reads one list a level. */
+static void rti_raster_rectangle(const rt_raster *r, const int box[4], float dx, float dy, rt_hit *hits, size_t stride)
+{
+    const int side = RTI_COVER_SIDE(r->lanes), columns = RTI_PACKET_COLUMNS(r->lanes), rows = RTI_PACKET_ROWS(r->lanes);
+    rt_ray rays[RTI_BLOCK_RAYS];
+    rti_block b;
+    int x, y, i, row, column;
+    for (i = 0; i < side * side; i++) {
+        rays[i].org = r->view.eye;
+        rays[i].tmin = 0;
+        rays[i].tmax = RTI_INFINITY;
+    }
+    b.rays = rays;
+    b.stride = stride;
+    for (b.box[1] = box[1]; b.box[1] < box[3]; b.box[1] = b.box[3]) {
+        b.box[3] = (b.box[1] & -side) + side < box[3] ? (b.box[1] & -side) + side : box[3];
+        for (b.box[0] = box[0]; b.box[0] < box[2]; b.box[0] = b.box[2]) {
+            rt_vec3 right[RTI_BLOCK], down[RTI_BLOCK];
+            b.box[2] = (b.box[0] & -side) + side < box[2] ? (b.box[0] & -side) + side : box[2];
+            b.x = (float)b.box[0] + dx;
+            b.y = (float)b.box[1] + dy;
+            b.hits = hits + (size_t)(b.box[1] - box[1]) * stride + (size_t)(b.box[0] - box[0]);
+            for (i = 0; i < side; i++) {    /* what leaves the box repeats its last pixels: such rays are legal where those are */
+                x = b.box[0] + i < b.box[2] ? b.box[0] + i : b.box[2] - 1;
+                y = b.box[1] + i < b.box[3] ? b.box[1] + i : b.box[3] - 1;
+                right[i] = rti_steps(r->view.right, (float)x + dx);
+                down[i] = rti_steps(r->view.down, (float)y + dy);
+            }
+            for (i = y = 0; y < side; y += rows)
+                for (x = 0; x < side; x += columns)
+                    for (row = 0; row < rows; row++)
+                        for (column = 0; column < columns; column++)    /* the arithmetic of rti_view_ray */
+                            rays[i++].dir = rti_add(r->view.corner, rti_add(right[x + column], down[y + row]));
+            r->cover(r, &b);
+        }
+    }
+}
+
+RT_API rt_status rt_raster_tile(const rt_raster *r, int x0, int y0, int x1, int y1, float dx, float dy, rt_hit *hits)
+{
+    const int box[4] = { x0, y0, x1, y1 };
+    if (!r || !hits || x0 < 0 || y0 < 0 || x0 > x1 || y0 > y1 || x1 > r->width || y1 > r->height) return RT_ERROR_ARGUMENT;
+    if (!(dx >= 0 && dx <= 1 && dy >= 0 && dy <= 1)) return RT_ERROR_ARGUMENT;
+    rti_raster_rectangle(r, box, dx, dy, hits + (size_t)y0 * (size_t)r->width + (size_t)x0, (size_t)r->width);
+    return RT_OK;
+}
+
+typedef struct { const rt_raster *raster; float dx, dy; rt_hit *hits; int columns; } rti_squares;
+#define RTI_SQUARE 64                       /* pixels a side: what one call of parallel_for's body covers */
+
+static void rti_cover_square(void *context, size_t i)
+{
+    const rti_squares *s = (const rti_squares *)context;
+    const rt_raster *r = s->raster;
+    int box[4];
+    box[0] = (int)(i % (size_t)s->columns) * RTI_SQUARE;
+    box[1] = (int)(i / (size_t)s->columns) * RTI_SQUARE;
+    box[2] = box[0] + RTI_SQUARE < r->width ? box[0] + RTI_SQUARE : r->width;
+    box[3] = box[1] + RTI_SQUARE < r->height ? box[1] + RTI_SQUARE : r->height;
+    rti_raster_rectangle(r, box, s->dx, s->dy, s->hits + (size_t)box[1] * (size_t)r->width + (size_t)box[0], (size_t)r->width);
+}
+
+RT_API rt_status rt_rasterize(const rt_geometry *geo, const rt_camera *camera, int width, int height, const rt_raster_options *opt,
+                              rt_hit *hits)
+{
+    rt_raster_options defaults;
+    rt_raster *r;
+    rt_status status;
+    rti_squares s;
+    rt_build_options loop;
+    if (!opt) {
+        memset(&defaults, 0, sizeof defaults);
+        opt = &defaults;
+    }
+    if (!hits) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "hits is NULL");
+    if ((status = rti_raster_make(&r, geo, camera, width, height, opt, true)) != RT_OK) return status;
+    s.raster = r;
+    s.dx = 0.5f + opt->offset_x;
+    s.dy = 0.5f + opt->offset_y;
+    s.hits = hits;
+    s.columns = (width + RTI_SQUARE - 1) / RTI_SQUARE;
+    memset(&loop, 0, sizeof loop);
+    loop.parallel_for = opt->parallel_for;
+    loop.parallel_user = opt->parallel_user;
+    rti_for(&loop, (size_t)s.columns * (size_t)((height + RTI_SQUARE - 1) / RTI_SQUARE), rti_cover_square, &s);
+    rt_raster_free(r);
+    return RT_OK;
+}
+
+/* Made for this picture of so many primitives? */
+static bool rti_raster_fits(const rt_raster *r, const rt_geometry *geo, const rt_camera *camera, int width, int height)
+{
+    return r->width == width && r->height == height && memcmp(&r->camera, camera, sizeof *camera) == 0 &&
+           r->accel.geo.triangle_count == geo->triangle_count && rti_sphere_count(&r->accel.geo) == rti_sphere_count(geo) &&
+           rti_instance_count(&r->accel.geo) == rti_instance_count(geo);
+}
+
+/* ---- >>shading ------------------------------------------------------------------------------------------------------ */
 
 /* What the renderer knows of a hit. */
 typedef struct {
@@ -3503,9 +4184,6 @@ static rti_surface rti_make_surface(const rt_scene *scene, const rt_ray *ray, co
     return s;
 }
 
-#define RTI_BLOCK 16                        /* pixels: a block of 16 x 16 rays is traced in one call */
-#define RTI_BLOCK_RAYS (RTI_BLOCK * RTI_BLOCK)
-#define RTI_MAX_SIDE (1 << 20)              /* floats still tell 16 places in a pixel apart */
 #define RTI_MAX_SPP  (1 << 20)
 
 /* Offset of sample i of n in a pixel: the middle, a grid, or the R2 sequence (Roberts 2018) where n is no square. */
@@ -3524,8 +4202,8 @@ static void rti_subpixel(int i, int n, float *x, float *y)
 }
 
 /* One sample of every pixel of a block, added to sums. Rays stand in Morton order, so that those which follow each other are neighbours. */
-static void rti_render_block(const rt_scene *scene, rti_batch_function batch, rti_job job, const rti_view *view, const int box[4],
-                             int sample, int spp, rt_vec3 *sums, rt_ray_counts *counts)
+static void rti_render_block(const rt_scene *scene, rti_batch_function batch, rti_job job, const rti_view *view, const rt_raster *raster,
+                             const int box[4], int sample, int spp, rt_vec3 *sums, rt_ray_counts *counts)
 {
     rt_ray rays[RTI_BLOCK_RAYS];
     rt_hit hits[RTI_BLOCK_RAYS];
@@ -3542,8 +4220,14 @@ static void rti_render_block(const rt_scene *scene, rti_batch_function batch, rt
         pixel[n] = (unsigned short)(y * RTI_BLOCK + x);
         rays[n++] = rti_view_ray(view, (float)(box[0] + (int)x) + dx, (float)(box[1] + (int)y) + dy);
     }
-    job.query = RT_CLOSEST;
-    batch(scene->accel, &job, rays, n, hits);
+    if (raster) {
+        rt_hit grid[RTI_BLOCK_RAYS];
+        rti_raster_rectangle(raster, box, dx, dy, grid, RTI_BLOCK);
+        for (i = 0; i < n; i++) hits[i] = grid[pixel[i]];
+    } else {
+        job.query = RT_CLOSEST;
+        batch(scene->accel, &job, rays, n, hits);
+    }
     if (counts) counts->primary += n;
     for (i = 0; i < n; i++) {
         rt_vec3 *sum = &sums[pixel[i]];
@@ -3624,6 +4308,9 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
     if (!(scene->camera.fov > 0 && scene->camera.fov < 180))
         return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "the camera's fov must lie between 0 and 180 degrees");
     if ((status = rti_check_scene(scene, opt)) != RT_OK) return status;
+    if (opt->raster && !rti_raster_fits(opt->raster, scene->geometry, &scene->camera, opt->width, opt->height))
+        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE,
+                        "raster was made for another picture: geometry, camera, width and height must be the scene's");
     if ((status = rti_choose(scene->accel, &opt->trace, RTI_BLOCK_RAYS, &batch, &job)) != RT_OK) return status;
     view = rti_make_view(&scene->camera, opt->width, opt->height);
     for (box[1] = y0; box[1] < y1; box[1] += RTI_BLOCK)
@@ -3632,7 +4319,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
             memset(sums, 0, sizeof sums);
             box[2] = x1 < box[0] + RTI_BLOCK ? x1 : box[0] + RTI_BLOCK;
             box[3] = y1 < box[1] + RTI_BLOCK ? y1 : box[1] + RTI_BLOCK;
-            for (sample = 0; sample < spp; sample++) rti_render_block(scene, batch, job, &view, box, sample, spp, sums, rays);
+            for (sample = 0; sample < spp; sample++) rti_render_block(scene, batch, job, &view, opt->raster, box, sample, spp, sums, rays);
             for (y = box[1]; y < box[3]; y++)
                 for (x = box[0]; x < box[2]; x++)
                     pixels[(size_t)y * (size_t)opt->width + (size_t)x] =
@@ -3734,6 +4421,17 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_kd_stack_any_all RTI_NAME_(rti_kd_stack_any_all)
 #define rti_kd_walk RTI_NAME_(rti_kd_walk)
 #define rti_batch RTI_NAME_(rti_batch)
+#define rti_triangles_from_eye RTI_NAME_(rti_triangles_from_eye)
+#define rti_wide_row RTI_NAME_(rti_wide_row)
+#define rti_see_triangles RTI_NAME_(rti_see_triangles)
+#define rti_slopes RTI_NAME_(rti_slopes)
+#define rti_slopes_of RTI_NAME_(rti_slopes_of)
+#define rti_canvas RTI_NAME_(rti_canvas)
+#define rti_last_t RTI_NAME_(rti_last_t)
+#define rti_choose_packets RTI_NAME_(rti_choose_packets)
+#define rti_note_hits RTI_NAME_(rti_note_hits)
+#define rti_cover_queue RTI_NAME_(rti_cover_queue)
+#define rti_cover RTI_NAME_(rti_cover)
 #define RTI_FN RTI_INLINE RTI_TARGET
 #define RTI_ALL_LANES ((1u << RTI_WIDTH) - 1)
 
@@ -4864,6 +5562,374 @@ RTI_NOINLINE RTI_TARGET void rti_batch(const rt_accel *accel, const rti_job *job
     }
 }
 
+/* ---- >>cover -------------------------------------------------------------------------------------------------------- */
+
+#ifndef RT_NO_SHADING
+
+#define RTI_COLUMNS RTI_PACKET_COLUMNS(RTI_WIDTH)
+#define RTI_ROWS RTI_PACKET_ROWS(RTI_WIDTH)
+#define RTI_SIDE RTI_COVER_SIDE(RTI_WIDTH)
+#define RTI_ACROSS (RTI_SIDE / RTI_COLUMNS)
+#define RTI_PACKET_COUNT (RTI_SIDE * RTI_SIDE / RTI_WIDTH)
+#define RTI_QUEUE 64                        /* primitives */
+#define RTI_FEW 3                           /* packets: so many are tested rather than thought about */
+
+/* The vertices of RTI_WIDTH triangles as seen from the eye, and the largest distance of each along an axis. */
+RTI_FN rti_v rti_triangles_from_eye(const rti_lens *lens, float corners[9][RTI_WIDTH], rti_v p[3][3])
+{
+    rti_v reach = rti_vset(0);
+    int i, k;
+    for (i = 0; i < 3; i++)
+        for (k = 0; k < 3; k++) {
+            p[i][k] = rti_vsub(rti_vload(corners[3 * i + k]), rti_vset((float)lens->eye[k]));
+            reach = rti_vmax(rti_vabs(p[i][k]), reach);
+        }
+    return reach;
+}
+
+RTI_FN rti_v rti_wide_row(const rti_lens *lens, int row, const rti_v p[3])
+{
+    return rti_vadd(rti_vadd(rti_vmul(rti_vset((float)lens->rows[row][0]), p[0]), rti_vmul(rti_vset((float)lens->rows[row][1]), p[1])),
+                    rti_vmul(rti_vset((float)lens->rows[row][2]), p[2]));
+}
+
+/* rti_see of good triangles that lie before the eye, RTI_WIDTH at a time in floats. The others get a negative depth. */
+RTI_NOINLINE RTI_TARGET void rti_see_triangles(const rt_raster *r, size_t first, size_t count)
+{
+    const rti_lens *lens = &r->lens;
+    const rti_v sway[2] = { rti_vset((float)lens->sway[0]), rti_vset((float)lens->sway[1]) };
+    size_t at;
+    for (at = first; at < first + count; at += RTI_WIDTH) {
+        const int n = first + count - at < RTI_WIDTH ? (int)(first + count - at) : RTI_WIDTH;
+        float corners[9][RTI_WIDTH], out[5][RTI_WIDTH], v[9];
+        rti_v p[3][3], error[3], lo[2], hi[2], depth = rti_vset(RTI_INFINITY), deepest = rti_vset(-RTI_INFINITY), reach, beside[2];
+        unsigned good = 0, unseen;
+        int i, k;
+        for (i = 0; i < RTI_WIDTH; i++) {
+            if (i < n && rti_fetch_triangle(&r->accel.geo, at + (size_t)i, v)) good |= 1u << i;
+            else memset(v, 0, sizeof v);
+            for (k = 0; k < 9; k++) corners[k][i] = v[k];
+        }
+        for (k = 0; k < 9; k++) good &= rti_vle(rti_vabs(rti_vload(corners[k])), rti_vset(RT_MAX_COORDINATE));
+        reach = rti_triangles_from_eye(lens, corners, p);
+        reach = rti_vmul(rti_vadd(reach, rti_vset((float)lens->tiny)), rti_vset(1.9073486328125e-06f));
+        for (k = 0; k < 3; k++) error[k] = rti_vmul(reach, rti_vset((float)lens->sums[k]));
+        for (k = 0; k < 2; k++) {
+            lo[k] = rti_vset(RTI_INFINITY);
+            hi[k] = rti_vset(-RTI_INFINITY);
+        }
+        for (i = 0; i < 3; i++) {
+            const rti_v c = rti_wide_row(lens, 2, p[i]), nearest = rti_vsub(c, error[2]), rdepth = rti_vdiv(rti_vset(1), c);
+            const rti_v grow = rti_vdiv(rti_vset(1), nearest);
+            depth = rti_vmin(nearest, depth);
+            deepest = rti_vmax(c, deepest);
+            for (k = 0; k < 2; k++) {
+                rti_v x = rti_vmul(rti_wide_row(lens, k, p[i]), rdepth);
+                rti_v off = rti_vmul(rti_vadd(error[k], rti_vmul(rti_vabs(x), error[2])), grow);
+                lo[k] = rti_vmin(rti_vsub(x, off), lo[k]);
+                hi[k] = rti_vmax(rti_vadd(x, off), hi[k]);
+            }
+        }
+        unseen = good & rti_vlt(rti_vadd(deepest, error[2]), rti_vset(0));              /* behind the eye */
+        good &= unseen | rti_vlt(rti_vset(0), depth);
+        for (k = 0; k < 2; k++) {
+            good &= unseen | (rti_vlt(rti_vset(-1e30f), lo[k]) & rti_vlt(hi[k], rti_vset(1e30f)));      /* no overflow */
+            lo[k] = rti_vsub(lo[k], sway[k]);
+            hi[k] = rti_vadd(hi[k], sway[k]);
+            unseen |= rti_vlt(hi[k], rti_vset(0)) | rti_vlt(rti_vset(lens->edge[k]), lo[k]);
+            beside[k] = rti_vmax(lo[k], rti_vset(-1));
+            hi[k] = rti_vmin(hi[k], rti_vset(lens->edge[k] + 1));
+        }
+        rti_vstore(out[0], rti_vselect(unseen, rti_vset(1), beside[0]));
+        rti_vstore(out[1], beside[1]);
+        rti_vstore(out[2], rti_vselect(unseen, rti_vset(0), hi[0]));
+        rti_vstore(out[3], hi[1]);
+        depth = rti_vmax(depth, rti_vset(0));
+        rti_vstore(out[4], rti_vselect(good, rti_vmul(depth, rti_vset((float)(0.999998 / (1 + lens->stretch)))), rti_vset(-1)));
+        for (i = 0; i < n; i++) {
+            rti_span *span = &r->spans[at + (size_t)i];
+            span->lo[0] = out[0][i];
+            span->lo[1] = out[1][i];
+            span->hi[0] = out[2][i];
+            span->hi[1] = out[3][i];
+            span->depth = out[4][i];
+        }
+    }
+}
+
+/* Linear functions of a packet's place in its block: at + right * column + down * row, for RTI_WIDTH triangles. */
+typedef struct { float at[RTI_WIDTH], right[RTI_WIDTH], down[RTI_WIDTH]; } rti_slopes;
+
+/* Which packets of a block may be hit by a triangle, by its edges and its plane: where the first three functions are not negative, and the
+   fourth, the greatest 1 / t there may be up to 1e30, not below 1 / t of what is known. With h the projected vertices, a ray that meets the
+   triangle at t has t (x, y, 1) = sum of l_k h_k, so l_k / t = (h_i x h_j) . (x, y, 1) / det is not negative, and 1 / t is the sum of the
+   three: linear in x and y, and true of vertices behind the eye too (Olano and Greer 1997). Each is taken where it is greatest in the
+   packet and raised by what the errors of h can make of it. Those, see rti_make_lens, are so much larger than what floats lose here that
+   they cover that as well. */
+RTI_FN void rti_slopes_of(const rti_lens *lens, const rti_block *b, float corners[9][RTI_WIDTH], rti_slopes slopes[4])
+{
+    const float drift = 1.9073486328125e-06f, limit = (float)RTI_SIDE;
+    const rti_v zero = rti_vset(0), one = rti_vset(1), two = rti_vset(2), x = rti_vset(b->x), y = rti_vset(b->y);
+    rti_v p[3][3], h[3][3], error[3], n[3][3], loose[3][3], det = zero, slack = zero, sum[3], reach, most, sign;
+    unsigned usable;
+    int i, k;
+    sum[0] = sum[1] = sum[2] = zero;
+    reach = rti_vdiv(one, rti_vadd(rti_triangles_from_eye(lens, corners, p), rti_vset((float)lens->tiny)));
+    error[0] = rti_vset(((float)lens->sums[0] + b->x * (float)lens->sums[2]) * drift);
+    error[1] = rti_vset(((float)lens->sums[1] + b->y * (float)lens->sums[2]) * drift);
+    error[2] = rti_vset((float)lens->sums[2] * drift);
+    for (i = 0; i < 3; i++) {               /* within 1 of the eye, and as seen from the block's first sample */
+        for (k = 0; k < 3; k++) p[i][k] = rti_vmul(p[i][k], reach);
+        h[i][2] = rti_wide_row(lens, 2, p[i]);
+        h[i][0] = rti_vsub(rti_wide_row(lens, 0, p[i]), rti_vmul(x, h[i][2]));
+        h[i][1] = rti_vsub(rti_wide_row(lens, 1, p[i]), rti_vmul(y, h[i][2]));
+    }
+    for (i = 0; i < 3; i++) {
+        const rti_v *h1 = h[(i + 1) % 3], *h2 = h[(i + 2) % 3];
+        for (k = 0; k < 3; k++) {
+            const int k1 = (k + 1) % 3, k2 = (k + 2) % 3;
+            n[i][k] = rti_vsub(rti_vmul(h1[k1], h2[k2]), rti_vmul(h1[k2], h2[k1]));
+            loose[i][k] = rti_vadd(
+                rti_vmul(error[k2], rti_vadd(rti_vadd(rti_vabs(h1[k1]), rti_vabs(h2[k1])), rti_vmul(two, error[k1]))),
+                rti_vmul(error[k1], rti_vadd(rti_vabs(h1[k2]), rti_vabs(h2[k2]))));
+        }
+    }
+    for (k = 0; k < 3; k++) {
+        det = rti_vadd(det, rti_vmul(h[0][k], n[0][k]));
+        slack = rti_vadd(slack, rti_vadd(rti_vmul(rti_vabs(h[0][k]), loose[0][k]),
+                                         rti_vmul(error[k], rti_vadd(rti_vabs(n[0][k]), loose[0][k]))));
+    }
+    usable = rti_vlt(rti_vmul(two, slack), rti_vabs(det));              /* else seen edge-on, as far as rounding can tell */
+    sign = rti_vsign(one, det);
+    for (i = 0; i < 3; i++) {
+        const rti_v right = rti_vmul(sign, n[i][0]), down = rti_vmul(sign, n[i][1]);
+        rti_v at = rti_vmul(sign, n[i][2]), scale;
+        unsigned ok;
+        at = rti_vadd(at, rti_vmul(rti_vmax(right, zero), rti_vset((float)(RTI_COLUMNS - 1))));
+        at = rti_vadd(at, rti_vmul(rti_vmax(down, zero), rti_vset((float)(RTI_ROWS - 1))));
+        at = rti_vadd(at, rti_vmul(rti_vadd(rti_vabs(right), loose[i][0]), rti_vset((float)lens->sway[0])));
+        at = rti_vadd(at, rti_vmul(rti_vadd(rti_vabs(down), loose[i][1]), rti_vset((float)lens->sway[1])));
+        at = rti_vadd(at, rti_vadd(rti_vmul(rti_vadd(loose[i][0], loose[i][1]), rti_vset(limit)), loose[i][2]));
+        scale = rti_vadd(rti_vabs(at), rti_vmul(rti_vadd(rti_vabs(right), rti_vabs(down)), rti_vset(limit)));
+        sum[0] = rti_vadd(sum[0], at);
+        sum[1] = rti_vadd(sum[1], right);
+        sum[2] = rti_vadd(sum[2], down);
+        ok = usable & rti_vlt(rti_vset(1e-30f), scale) & rti_vlt(scale, rti_vset(1e30f));
+        at = rti_vadd(at, rti_vmul(scale, rti_vset(1e-6f)));            /* what its evaluation may lose */
+        rti_vstore(slopes[i].at, rti_vselect(ok, at, one));
+        rti_vstore(slopes[i].right, rti_vselect(ok, rti_vmul(right, rti_vset((float)RTI_COLUMNS)), zero));
+        rti_vstore(slopes[i].down, rti_vselect(ok, rti_vmul(down, rti_vset((float)RTI_ROWS)), zero));
+    }
+    most = rti_vdiv(rti_vmul(rti_vset((float)(1 + lens->stretch)), reach), rti_vsub(rti_vabs(det), slack));
+    for (k = 0; k < 3; k++) sum[k] = rti_vmul(sum[k], most);
+    most = rti_vadd(rti_vabs(sum[0]), rti_vmul(rti_vadd(rti_vabs(sum[1]), rti_vabs(sum[2])), rti_vset(limit)));
+    usable &= rti_vlt(most, rti_vset(1e30f));
+    sum[0] = rti_vadd(rti_vadd(sum[0], rti_vmul(most, rti_vset(2e-6f))), rti_vset(1e-36f));
+    rti_vstore(slopes[3].at, rti_vselect(usable, sum[0], rti_vset(1e36f)));
+    rti_vstore(slopes[3].right, rti_vselect(usable, rti_vmul(sum[1], rti_vset((float)RTI_COLUMNS)), zero));
+    rti_vstore(slopes[3].down, rti_vselect(usable, rti_vmul(sum[2], rti_vset((float)RTI_ROWS)), zero));
+}
+
+/* A block while it is covered. */
+typedef struct {
+    rti_packet packets[RTI_PACKET_COUNT];   /* row by row */
+    unsigned live[RTI_PACKET_COUNT], found[RTI_PACKET_COUNT];
+    float last[RTI_PACKET_COUNT];           /* the greatest t that still counts; -infinity where no ray is live */
+    float column[RTI_PACKET_COUNT], row[RTI_PACKET_COUNT];
+    struct { uint32_t prim; float depth; unsigned char columns[2], rows[2]; } queue[RTI_QUEUE];
+    int queued;
+    float farthest;                         /* of all last, or more */
+} rti_canvas;
+
+/* Lanes that hold no ray have -infinity. */
+RTI_FN float rti_last_t(const rti_packet *p)
+{
+    float last = p->t[0];
+    int i;
+    for (i = 1; i < RTI_WIDTH; i++) last = p->t[i] > last ? p->t[i] : last;
+    return last;
+}
+
+/* The packets of entry q that may find it nearer than what they have, by their places in chosen; how many. slopes NULL: all in its span. */
+RTI_FN int rti_choose_packets(const rti_canvas *c, int q, const rti_slopes *slopes, int lane, unsigned char *chosen)
+{
+    const rti_v left = rti_vset((float)c->queue[q].columns[0]), right = rti_vset((float)c->queue[q].columns[1]);
+    const rti_v upper = rti_vset((float)c->queue[q].rows[0]), lower = rti_vset((float)c->queue[q].rows[1]);
+    const int end = (c->queue[q].rows[1] + 1) * RTI_ACROSS;
+    int first = c->queue[q].rows[0] * RTI_ACROSS / RTI_WIDTH * RTI_WIDTH, count = 0, i;
+    for (; first < end; first += RTI_WIDTH) {
+        const rti_v last = rti_vload(c->last + first), x = rti_vload(c->column + first), y = rti_vload(c->row + first);
+        unsigned lanes = rti_vle(rti_vset(c->queue[q].depth), last) & rti_vle(left, x) & rti_vle(x, right) & rti_vle(upper, y) &
+            rti_vle(y, lower);
+        for (i = 0; i < 4 && slopes && lanes; i++) {
+            rti_v value = rti_vadd(rti_vmul(rti_vset(slopes[i].right[lane]), x), rti_vmul(rti_vset(slopes[i].down[lane]), y));
+            value = rti_vadd(rti_vset(slopes[i].at[lane]), value);
+            lanes &= i < 3 ? rti_vle(rti_vset(0), value) : rti_vle(rti_vset(1), rti_vmul(value, rti_vmax(last, rti_vset(1e-30f))));
+        }
+        for (; lanes; lanes &= lanes - 1) chosen[count++] = (unsigned char)(first + rti_lowest_bit(lanes));
+    }
+    return count;
+}
+
+RTI_FN void rti_note_hits(rti_canvas *c, int packet, unsigned hit)
+{
+    if (!hit) return;
+    c->found[packet] |= hit;
+    c->last[packet] = rti_last_t(&c->packets[packet]);
+}
+
+/* Tests what is queued, about nearest first. Triangles wait until RTI_WIDTH are together. */
+RTI_NOINLINE RTI_TARGET void rti_cover_queue(const rt_raster *r, const rti_block *b, rti_canvas *c)
+{
+    const rt_geometry *geo = &r->accel.geo;
+    const size_t triangles = geo->triangle_count, balls = triangles + rti_sphere_count(geo);
+    unsigned char order[RTI_QUEUE + 1], chosen[RTI_PACKET_COUNT], waiting[RTI_WIDTH];
+    float corners[9][RTI_WIDTH];
+    rti_slopes slopes[4];
+    rti_triangle triangle;
+#if RTI_SPHERES
+    rti_ball ball;
+#endif
+    rt_accel one;                           /* holds the primitive at hand */
+    int n, i, k, count, together = 0;
+    memset(&one, 0, sizeof one);
+    memset(corners, 0, sizeof corners);
+    memset(waiting, 0, sizeof waiting);
+    one.triangles = &triangle;
+    (void)balls;
+    for (n = 0; n < c->queued; n++) {
+        for (i = n; i > 0 && c->queue[order[i - 1]].depth > c->queue[n].depth; i--) order[i] = order[i - 1];
+        order[i] = (unsigned char)n;
+    }
+    for (n = 0; n < c->queued; n++) {
+        const int q = order[n];
+        const uint32_t prim = c->queue[q].prim;
+        count = rti_choose_packets(c, q, NULL, 0, chosen);
+        if (prim < triangles && count) {
+            (void)rti_fetch_triangle(geo, prim, triangle.v);
+            if (count > RTI_FEW && r->lens.narrow) {
+                for (k = 0; k < 9; k++) corners[k][together] = triangle.v[k];
+                waiting[together++] = (unsigned char)q;
+            } else {
+                triangle.prim = prim;
+                for (i = 0; i < count; i++) {
+                    k = chosen[i];
+                    rti_note_hits(c, k, rti_hit_triangles(&one, &c->packets[k], c->live[k], NULL, 0, 1, RT_NONE, 0));
+                }
+            }
+        }
+#if RTI_SPHERES
+        else if (prim < balls && count) {
+            one.balls = &ball;
+            ball.prim = prim;
+            rti_fill_ball(&ball, geo);
+            for (i = 0; i < count; i++)
+                rti_note_hits(c, chosen[i], rti_hit_spheres(&one, &c->packets[chosen[i]], c->live[chosen[i]], NULL, 0, 1, RT_NONE, 0));
+        }
+#endif
+#if RTI_INSTANCES
+        else if (count) {
+            static const rti_job job = { RT_CLOSEST, NULL, RT_KD_STACK, 0 };
+            const uint32_t number = (uint32_t)(prim - balls);
+            for (i = 0; i < count; i++) {
+                k = chosen[i];
+                rti_note_hits(c, k, rti_hit_instances(&r->accel, &c->packets[k], c->live[k], NULL, number, 1, RT_NONE, &job));
+            }
+        }
+#endif
+        if (!together || (together < RTI_WIDTH && n + 1 < c->queued)) continue;
+        rti_slopes_of(&r->lens, b, corners, slopes);
+        for (i = 0; i < together; i++) {
+            count = rti_choose_packets(c, waiting[i], slopes, i, chosen);
+            triangle.prim = c->queue[waiting[i]].prim;
+            for (k = 0; k < 9; k++) triangle.v[k] = corners[k][i];
+            for (k = 0; k < count; k++)
+                rti_note_hits(c, chosen[k], rti_hit_triangles(&one, &c->packets[chosen[k]], c->live[chosen[k]], NULL, 0, 1, RT_NONE, 0));
+        }
+        together = 0;
+    }
+    c->queued = 0;
+    c->farthest = c->last[0];
+    for (k = 1; k < RTI_PACKET_COUNT; k++) c->farthest = c->last[k] > c->farthest ? c->last[k] : c->farthest;
+}
+
+/* A block of pixels: the packets test what the block's tiles list, where its span meets them and may be nearer than what they have. */
+RTI_NOINLINE RTI_TARGET void rti_cover(const rt_raster *r, const rti_block *b)
+{
+    const float right = (float)(b->box[2] - b->box[0] - 1), down = (float)(b->box[3] - b->box[1] - 1);
+    rti_canvas c;
+    int k, i, level;
+    c.queued = 0;
+    c.farthest = RTI_INFINITY;
+    for (k = 0; k < RTI_PACKET_COUNT; k++) {
+        unsigned lanes = 0;
+        for (i = 0; i < RTI_WIDTH; i++)
+            if (b->box[0] + k % RTI_ACROSS * RTI_COLUMNS + i % RTI_COLUMNS < b->box[2] &&
+                b->box[1] + k / RTI_ACROSS * RTI_ROWS + i / RTI_COLUMNS < b->box[3]) lanes |= 1u << i;
+        c.column[k] = (float)(k % RTI_ACROSS);
+        c.row[k] = (float)(k / RTI_ACROSS);
+        c.last[k] = -RTI_INFINITY;
+        c.live[k] = c.found[k] = 0;
+        if (!lanes) continue;
+        rti_load_rays(b->rays + k * RTI_WIDTH, &c.packets[k]);
+        c.live[k] = rti_prepare(&r->accel, &c.packets[k], lanes);
+        for (i = 0; i < RTI_WIDTH; i++)
+            if (!(c.live[k] >> i & 1)) c.packets[k].t[i] = -RTI_INFINITY;
+        c.last[k] = rti_last_t(&c.packets[k]);
+    }
+    for (level = 0; level < r->level_count; level++) {
+        const rti_level *tiles = &r->levels[level];
+        const int column = b->box[0] >> tiles->shift, row = b->box[1] >> tiles->shift;
+        const size_t tile = tiles->first + (size_t)row * (size_t)tiles->columns + (size_t)column;
+        uint32_t at = r->starts[tile], end = r->starts[tile + 1];
+        for (; at < end; at++) {
+            const rti_span *span = &r->spans[r->entries[at]];
+            const float x0 = span->lo[0] - b->x, x1 = span->hi[0] - b->x, y0 = span->lo[1] - b->y, y1 = span->hi[1] - b->y;
+            int first_x, first_y, last_x, last_y;
+            if (x0 > right || y0 > down || x1 < 0 || y1 < 0 || span->depth > c.farthest) continue;
+            first_x = x0 > 0 ? (int)x0 : 0;
+            first_y = y0 > 0 ? (int)y0 : 0;
+            first_x += (float)first_x < x0;
+            first_y += (float)first_y < y0;
+            last_x = (int)(x1 < right ? x1 : right);
+            last_y = (int)(y1 < down ? y1 : down);
+            if (first_x > last_x || first_y > last_y) continue;         /* between samples */
+            c.queue[c.queued].prim = r->entries[at];
+            c.queue[c.queued].depth = span->depth;
+            c.queue[c.queued].columns[0] = (unsigned char)(first_x / RTI_COLUMNS);
+            c.queue[c.queued].columns[1] = (unsigned char)(last_x / RTI_COLUMNS);
+            c.queue[c.queued].rows[0] = (unsigned char)(first_y / RTI_ROWS);
+            c.queue[c.queued].rows[1] = (unsigned char)(last_y / RTI_ROWS);
+            if (++c.queued == RTI_QUEUE) rti_cover_queue(r, b, &c);
+        }
+    }
+    rti_cover_queue(r, b, &c);
+    for (k = 0; k < RTI_PACKET_COUNT; k++)
+        for (i = 0; i < RTI_WIDTH; i++) {
+            const int x = k % RTI_ACROSS * RTI_COLUMNS + i % RTI_COLUMNS, y = k / RTI_ACROSS * RTI_ROWS + i / RTI_COLUMNS;
+            rt_hit *hit = &b->hits[(size_t)y * b->stride + (size_t)x];
+            if (x > b->box[2] - b->box[0] - 1 || y > b->box[3] - b->box[1] - 1) continue;
+            if (!(c.found[k] >> i & 1)) rti_set_miss(hit);
+            else {
+                hit->t = c.packets[k].t[i];
+                hit->u = c.packets[k].u[i];
+                hit->v = c.packets[k].v[i];
+                hit->prim = c.packets[k].prim.id[i];
+                hit->inst = c.packets[k].inst.id[i];
+            }
+        }
+}
+
+#undef RTI_COLUMNS
+#undef RTI_ROWS
+#undef RTI_SIDE
+#undef RTI_ACROSS
+#undef RTI_PACKET_COUNT
+#undef RTI_QUEUE
+#undef RTI_FEW
+
+#endif
+
 #undef RTI_NAME_
 #undef rti_v
 #undef rti_d
@@ -4946,6 +6012,17 @@ RTI_NOINLINE RTI_TARGET void rti_batch(const rt_accel *accel, const rti_job *job
 #undef rti_kd_stack_any_all
 #undef rti_kd_walk
 #undef rti_batch
+#undef rti_triangles_from_eye
+#undef rti_wide_row
+#undef rti_see_triangles
+#undef rti_slopes
+#undef rti_slopes_of
+#undef rti_canvas
+#undef rti_last_t
+#undef rti_choose_packets
+#undef rti_note_hits
+#undef rti_cover_queue
+#undef rti_cover
 #undef RTI_FN
 #undef RTI_ALL_LANES
 #undef RTI_WIDTH

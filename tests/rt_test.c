@@ -17,7 +17,7 @@
 
        >>memory  >>harness  >>exact  >>oracle  >>models  >>shapes  >>rays  >>compare
        tests: >>hits  >>instances  >>ugly  >>intervals  >>watertight  >>refit  >>builds  >>oom  >>options  >>stats  >>kdtree
-              >>threads  >>shading  >>programs  >>loaders
+              >>threads  >>shading  >>raster  >>programs  >>loaders
        >>main  */
 
 #define _POSIX_C_SOURCE 200809L
@@ -4175,6 +4175,662 @@ static void rtt_test_render_errors(void)
     rt_free(accel);
     rtt_model_free(&model);
 }
+
+/* ---- >>raster --------------------------------------------------------------------------------------------------------- */
+
+/* Pictures of the same as rt_trace sees it. */
+typedef struct { int width, height; float dx, dy; } rtt_frame;
+
+static rt_hit *rtt_trace_frame(const rtt_model *model, const rt_camera *camera, const rtt_frame *frame)
+{
+    size_t count = (size_t)frame->width * (size_t)frame->height;
+    rt_ray *rays = (rt_ray *)rtt_array(count, sizeof *rays);
+    rt_hit *hits = (rt_hit *)rtt_array(count, sizeof *hits);
+    rt_geometry geometry = rtt_geometry(model);
+    rt_build_options options;
+    rt_accel *accel;
+
+    memset(&options, 0, sizeof options);
+    options.skip_invalid = model->skip_invalid;
+    if (!CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK))
+        rtt_die("a scene does not build");
+    for (size_t i = 0; i < count; i++)
+        rays[i] = rt_camera_ray(camera, (float)(i % (size_t)frame->width) + frame->dx, (float)(i / (size_t)frame->width) + frame->dy,
+                                frame->width, frame->height);
+    CHECK_STATUS(rt_trace(accel, NULL, rays, count, hits), RT_OK);
+    rt_free(accel);
+    free(rays);
+    return hits;
+}
+
+static bool rtt_same_frame(const char *what, const char *way, const rt_camera *camera, const rtt_frame *frame, const rt_hit *got,
+                           const rt_hit *want)
+{
+    size_t count = (size_t)frame->width * (size_t)frame->height, wrong = 0, first = 0;
+
+    for (size_t i = count; i-- > 0;)
+        if (!rtt_same(got[i], want[i]))
+            wrong++, first = i;
+    if (wrong)
+        rtt_fail("%s, %s: %zu of %d x %d pixels differ, eye {%a,%a,%a} look {%a,%a,%a} fov %a, sample %a %a; first (%zu, %zu):\n"
+                 "        got      t %a u %a v %a prim %u inst %u\n        expected t %a u %a v %a prim %u inst %u", what, way, wrong,
+                 frame->width, frame->height, (double)camera->eye.x, (double)camera->eye.y, (double)camera->eye.z, (double)camera->look.x,
+                 (double)camera->look.y, (double)camera->look.z, (double)camera->fov, (double)frame->dx, (double)frame->dy,
+                 first % (size_t)frame->width, first / (size_t)frame->width, (double)got[first].t, (double)got[first].u,
+                 (double)got[first].v, got[first].prim, got[first].inst, (double)want[first].t, (double)want[first].u,
+                 (double)want[first].v, want[first].prim, want[first].inst);
+    return wrong == 0;
+}
+
+/* Rasterised with every instruction set, whole, in odd rectangles, and by rt_rasterize. Answers how many pixels hit something. */
+static size_t rtt_check_raster(const char *what, const rtt_model *model, const rt_camera *camera, const rtt_frame *frame)
+{
+    size_t count = (size_t)frame->width * (size_t)frame->height, hits = 0;
+    rt_hit *want = rtt_trace_frame(model, camera, frame), *got = (rt_hit *)rtt_array(count, sizeof *got);
+    rt_geometry geometry = rtt_geometry(model);
+
+    for (size_t i = 0; i < count; i++)
+        hits += want[i].prim != RT_NONE;
+    for (int isa = 0; isa < RT_ISA_COUNT; isa++) {
+        rt_raster_options options;
+        rt_raster_info info;
+        rt_raster *r;
+        rt_status status;
+        size_t calls;
+
+        memset(&options, 0, sizeof options);
+        options.isa = (rt_isa)isa;
+        options.skip_invalid = model->skip_invalid;
+        options.offset_x = frame->dx - 0.5f;
+        options.offset_y = frame->dy - 0.5f;
+        status = rt_raster_create(&r, &geometry, camera, frame->width, frame->height, &options);
+        if (isa != RT_ISA_AUTO && status == RT_ERROR_UNSUPPORTED)
+            continue;
+        if (!CHECK_STATUS(status, RT_OK))
+            continue;
+        rt_raster_get_info(r, &info);
+        CHECK(info.seen <= geometry.triangle_count + geometry.sphere_count + geometry.instance_count);
+        CHECK(info.entries <= 4 * info.seen && info.entries >= info.seen && info.tiles <= 2 * info.seen + RTI_MAX_LEVELS);
+        calls = rtt_heap.calls;
+        memset(got, 0xcc, count * sizeof *got);
+        CHECK_STATUS(rt_raster_tile(r, 0, 0, frame->width, frame->height, frame->dx, frame->dy, got), RT_OK);
+        CHECK(rtt_heap.calls == calls);
+        rtt_same_frame(what, rtt_isa_names[isa], camera, frame, got, want);
+        memset(got, 0xcc, count * sizeof *got);
+        for (int y = 0, h; y < frame->height; y += h) {
+            h = 1 + (y * 7 + 3) % 29 < frame->height - y ? 1 + (y * 7 + 3) % 29 : frame->height - y;
+            for (int x = 0, w; x < frame->width; x += w) {
+                w = 1 + (x * 5 + y + 11) % 37 < frame->width - x ? 1 + (x * 5 + y + 11) % 37 : frame->width - x;
+                CHECK_STATUS(rt_raster_tile(r, x, y, x + w, y + h, frame->dx, frame->dy, got), RT_OK);
+            }
+        }
+        rtt_same_frame(what, "in rectangles", camera, frame, got, want);
+        rt_raster_free(r);
+        if (0.5f + options.offset_x != frame->dx || 0.5f + options.offset_y != frame->dy)
+            continue;
+        memset(got, 0xcc, count * sizeof *got);
+        CHECK_STATUS(rt_rasterize(&geometry, camera, frame->width, frame->height, &options, got), RT_OK);
+        rtt_same_frame(what, "rt_rasterize", camera, frame, got, want);
+    }
+    free(want);
+    free(got);
+    return hits;
+}
+
+static rt_camera rtt_camera_at(rt_vec3 eye, rt_vec3 look, rt_vec3 up, float fov)
+{
+    rt_camera camera;
+
+    camera.eye = eye, camera.look = look, camera.up = up, camera.fov = fov;
+    return camera;
+}
+
+/* Cameras before, in, on, beside and behind a model of that size around center, pictures of many shapes, samples of many places. Answers
+   the pixels that hit something. */
+static size_t rtt_check_cameras(const char *what, const rtt_model *model, rtt_random *random, rt_vec3 center, float size)
+{
+    static const rtt_frame frames[] = { { 40, 30, 0.5f, 0.5f }, { 64, 64, 0.5f, 0.5f }, { 1, 1, 0.5f, 0.5f }, { 17, 33, 0, 1 },
+                                        { 150, 3, 0.25f, 0.75f }, { 3, 90, 0.3f, 0.99f }, { 70, 50, 1, 0.1f } };
+    static const float angles[] = { 60, 90, 179.9f, 179.9999f, 179.99999f, 1, 1e-2f, 1e-4f, 1e-5f, 1e-10f, 1e-37f };
+    size_t hits = 0, next = 0;
+
+    for (int place = 0; place < 8; place++)
+        for (size_t a = 0; a < RTT_COUNT(angles); a++) {
+            rt_vec3 eye, look, up = rtt_axis(rtt_below(random, 6));
+            rt_camera camera;
+
+            eye = rtt_point(random, center, place == 0 ? size : 4 * size);              /* inside; outside */
+            look = rtt_feature(model, random);
+            if (place == 2)                 /* on a vertex, a centre or an edge, */
+                eye = rtt_feature(model, random);
+            if (place == 3 || place == 4) { /* with vertices in the eye plane, along an axis, */
+                eye = rtt_feature(model, random);
+                look = rtt_add(eye, rtt_mul(rtt_axis(rtt_below(random, 6)), size));
+                if (place == 4)
+                    eye = rtt_sub(eye, rtt_mul(rtt_sub(look, eye), 3));
+            }
+            if (place == 5)                 /* close to something, */
+                eye = rtt_add(look, rtt_point(random, rtt_origin, 1e-3f * size));
+            if (place == 6)                 /* far away, */
+                eye = rtt_point(random, center, 1e6f * size < 1e18f ? 1e6f * size : 1e18f);
+            if (place == 7)                 /* looking the other way: */
+                look = rtt_sub(rtt_add(eye, eye), center);
+            camera = rtt_camera_at(eye, look, up, angles[a]);
+            hits += rtt_check_raster(what, model, &camera, &frames[next++ % RTT_COUNT(frames)]);
+        }
+    return hits;
+}
+
+static void rtt_test_raster_shapes(void)
+{
+    rtt_random random = rtt_stream();
+    rtt_model cube = { 0 }, torus = { 0 }, cloud = { 0 }, balls = { 0 }, grid = { 0 };
+    static const float scales[] = { 1, 1e-5f, 1e5f };
+
+    for (size_t s = 0; s < RTT_COUNT(scales); s++) {
+        rtt_model mesh = { 0 };
+
+        rtt_cube(&mesh, 5, s > 0, scales[s], rtt_v(scales[s], 0, -scales[s]));
+        CHECK(rtt_check_cameras("cube", &mesh, &random, rtt_v(scales[s], 0, -scales[s]), scales[s]) > 10000);
+        rtt_model_free(&mesh);
+    }
+    rtt_torus(&torus, 10, 1, rtt_origin);
+    CHECK(rtt_check_cameras("torus", &torus, &random, rtt_origin, 1) > 5000);
+    rtt_cloud(&cloud, &random, 500, rtt_v(5, 6, 7), 2, 0.5f);
+    CHECK(rtt_check_cameras("cloud", &cloud, &random, rtt_v(5, 6, 7), 2) > 10000);
+    rtt_balls(&balls, &random, 120, rtt_origin, 1, 0.3f);
+    rtt_ball(&balls, rtt_origin, 1.5f);
+    CHECK(rtt_check_cameras("balls", &balls, &random, rtt_origin, 1) > 10000);
+    for (int i = 0; i < 150; i++) {         /* coincident planes and vertices, screen-filling triangles */
+        rt_vec3 a = rtt_lattice(&random, 4), b = rtt_lattice(&random, 4), c = rtt_lattice(&random, 4);
+
+        rtt_face(&grid, a, b, c);
+    }
+    CHECK(rtt_check_cameras("lattice", &grid, &random, rtt_origin, 4) > 10000);
+    rtt_model_free(&cube);
+    rtt_model_free(&torus);
+    rtt_model_free(&cloud);
+    rtt_model_free(&balls);
+    rtt_model_free(&grid);
+}
+
+static void rtt_test_raster_instances(void)
+{
+    static const float scales[] = { 1, 1e-4f, 1e4f };
+    rtt_random random = rtt_stream();
+
+    for (size_t s = 0; s < RTT_COUNT(scales); s++) {
+        rtt_model child = { 0 }, middle = { 0 }, world = { 0 }, nothing = { 0 };
+        float matrix[12], size = 3 * scales[s];
+
+        rtt_cloud(&child, &random, 30, rtt_origin, 1, 0.4f);
+        rtt_balls(&child, &random, 5, rtt_origin, 1, 0.2f);
+        for (int i = 0; i < 3; i++) {
+            rtt_matrix(&random, 0.5f, rtt_point(&random, rtt_origin, 1), matrix);
+            rtt_instance(&middle, &child, matrix);
+        }
+        rtt_place(&middle, &nothing, rtt_v(1, 1, 1), rtt_origin);
+        rtt_ball(&middle, rtt_origin, 0.2f);
+        for (int i = 0; i < 10; i++) {
+            rtt_matrix(&random, scales[s], rtt_point(&random, rtt_origin, size), matrix);
+            rtt_instance(&world, i % 2 ? &child : &middle, matrix);
+        }
+        rtt_place(&world, &child, rtt_mul(rtt_v(-1, 1, 1000), scales[s]), rtt_origin);
+        rtt_cloud(&world, &random, 20, rtt_origin, size, size);
+        rtt_balls(&world, &random, 8, rtt_origin, size, 0.3f * size);
+        CHECK(rtt_check_cameras("instances", &world, &random, rtt_origin, size) > 10000);
+        rtt_model_free(&world);
+        rtt_model_free(&middle);
+        rtt_model_free(&child);
+        rtt_model_free(&nothing);
+    }
+}
+
+/* What rounding moves inside a needle is stretched on the way out: seen from the origin and from where features fill the picture. */
+static void rtt_test_raster_skewed(void)
+{
+    static const float squeeze[][3] = { { 1e-3f, 1, 1 }, { 1, 1e4f, 1 }, { 1e3f, 1, 1e-3f }, { -1e-4f, -1e-4f, 1e4f } };
+    rtt_random random = rtt_stream();
+    size_t hits = 0;
+
+    for (size_t s = 0; s < RTT_COUNT(squeeze); s++)
+        for (int afar = 0; afar < 2; afar++) {
+            rtt_model box = { 0 }, world = { 0 };
+            float turn[12], squash[12], matrix[12];
+            rt_vec3 center = rtt_point(&random, rtt_origin, afar ? 1e6f : 3);
+
+            rtt_cube(&box, 1, false, 1, rtt_origin);              /* its corners reach those of its bounds */
+            for (int i = 0; i < 3; i++) {
+                memset(squash, 0, sizeof squash);
+                squash[0] = squeeze[s][0], squash[5] = squeeze[s][1], squash[10] = squeeze[s][2];
+                rtt_matrix(&random, 1, rtt_origin, turn);
+                rtt_concat(squash, turn, matrix);
+                rtt_matrix(&random, 1, rtt_origin, turn);
+                rtt_concat(turn, matrix, squash);
+                squash[3] = center.x, squash[7] = center.y, squash[11] = center.z;
+                rtt_instance(&world, &box, squash);
+            }
+            for (int i = 0; i < 120; i++) {
+                rtt_frame frame = { 30, 30, 0.5f, 0.5f };
+                rt_vec3 look = rtt_feature(&world, &random), eye = rtt_point(&random, look, ldexpf(1, i % 28 - 4));
+                rt_camera camera = rtt_camera_at(i % 4 ? eye : rtt_origin, look, rtt_v(0, 1, 0), ldexpf(1, i % 9 - 6));
+
+                hits += rtt_check_raster("skewed", &world, &camera, &frame);
+            }
+            rtt_model_free(&world);
+            rtt_model_free(&box);
+        }
+    CHECK(hits > 10000);
+}
+
+static void rtt_test_raster_ugly(void)
+{
+    rtt_random random = rtt_stream();
+
+    for (int kind = 0; kind < 8; kind++) {
+        rtt_model model = { 0 };
+        static const float sizes[] = { 1, 1, 1e18f, 0x1p-126f, 0x1p-140f, 1e17f, 1, 1 };
+        rt_vec3 center = kind == 6 ? rtt_v(1e10f, 3, -5) : rtt_origin;
+        float size = sizes[kind];
+
+        if (kind == 0)
+            rtt_degenerate(&model, &random);
+        if (kind == 1)
+            for (int k = 0; k < 250; k++) {
+                rt_vec3 corner[3];
+
+                for (int c = 0; c < 3; c++) {
+                    corner[c].x = rtt_log(&random, k % 2 ? k % 150 - 100 : -100, k % 2 ? k % 150 - 100 : 56);
+                    corner[c].y = rtt_log(&random, k % 2 ? k % 150 - 100 : -100, k % 2 ? k % 150 - 100 : 56);
+                    corner[c].z = rtt_log(&random, k % 2 ? k % 150 - 100 : -100, k % 2 ? k % 150 - 100 : 56);
+                }
+                rtt_face(&model, corner[0], corner[1], corner[2]);
+                if (k % 5 == 0)
+                    rtt_ball(&model, corner[0], fabsf(corner[1].x));
+            }
+        if (kind == 2) {
+            rtt_quad(&model, rtt_v(-1e18f, -1e18f, -1e18f), rtt_v(2e18f, 0, 0), rtt_v(0, 2e18f, 0));
+            rtt_quad(&model, rtt_v(-1e18f, -1e18f, 1e18f), rtt_v(2e18f, 0, 0), rtt_v(0, 2e18f, 0));
+        }
+        if (kind >= 2 && kind < 7) {
+            rtt_cloud(&model, &random, 150, center, 0.4f * size, 0.4f * size);
+            rtt_balls(&model, &random, 20, center, 0.5f * size, 0.4f * size);
+        }
+        if (kind == 7) {                    /* bad ones strewn in */
+            model.skip_invalid = true;
+            for (int k = 0; k < 60; k++) {
+                rt_vec3 a = rtt_point(&random, rtt_origin, 1), b = rtt_point(&random, rtt_origin, 1), c = rtt_point(&random, rtt_origin, 1);
+
+                if (k % 3 == 1)
+                    b.y = k % 2 ? NAN : 2e18f;
+                rtt_face(&model, a, b, c);
+                rtt_ball(&model, a, k % 4 == 0 ? -1 : 0.1f);
+            }
+            model.spheres[0].center.x = INFINITY;
+        }
+        rtt_check_cameras("ugly", &model, &random, center, size);
+#if RTI_X86
+        {
+            const unsigned int given = _mm_getcsr(), flush = 0x8040;   /* FTZ and DAZ */
+
+            _mm_setcsr(given | flush);
+            rtt_check_cameras("ugly, flush to zero", &model, &random, center, size);
+            _mm_setcsr(given);
+        }
+#endif
+        rtt_model_free(&model);
+    }
+    for (int kind = 0; kind < 4; kind++) {  /* cameras that see nothing: no view, no eye, out of range */
+        rtt_model model = { 0 };
+        rtt_frame frame = { 20, 10, 0.5f, 0.5f };
+        rt_camera camera = rtt_camera_at(rtt_v(0, 0, 3), rtt_origin, rtt_v(0, 1, 0), 50);
+
+        rtt_cloud(&model, &random, 50, rtt_origin, 1, 1);
+        if (kind == 0)
+            camera.look = camera.eye;
+        if (kind == 1)
+            camera.eye.x = NAN;
+        if (kind == 2)
+            camera.eye.z = 2e18f;
+        if (kind == 3)
+            camera.up.y = INFINITY;
+        CHECK(rtt_check_raster("blind", &model, &camera, &frame) == 0 || kind == 3);
+        rtt_model_free(&model);
+    }
+    for (int e = 20; e <= 56; e++) {        /* a sphere that is smaller than the steps of the coordinates where it lies */
+        rtt_model model = { 0 };
+        rtt_frame frame = { 40, 30, 0.5f, 0.5f };
+        rt_camera camera = rtt_camera_at(rtt_v(5, ldexpf(1, e), 0), rtt_v(0, ldexpf(1, e), 0), rtt_v(0, 1, 0), 60);
+
+        rtt_ball(&model, camera.look, 1);
+        CHECK(rtt_check_raster("small and far off", &model, &camera, &frame) > 50);
+        rtt_model_free(&model);
+    }
+}
+
+/* Things so far off, or seen so closely, that a pixel is of the size of the rounding of the rays: where margins decide. */
+static void rtt_test_raster_margins(void)
+{
+    rtt_random random = rtt_stream();
+    size_t hits = 0;
+
+    for (int i = 0; i < 300; i++) {
+        rtt_model model = { 0 };
+        rtt_frame frame = { 40 + i % 30, 40, 0.5f, 0.5f };
+        rt_vec3 eye = rtt_point(&random, rtt_origin, 100), center = rtt_point(&random, rtt_origin, 1);
+        float distance = (float)rtt_length(rtt_sub(eye, center)), size = ldexpf(distance, -12 - i % 16);
+        rt_camera camera;
+
+        for (int k = 0; k < 8; k++) {
+            rt_vec3 a = rtt_point(&random, center, size);
+
+            rtt_face(&model, a, rtt_add(a, rtt_point(&random, rtt_origin, 0.2f * size)),
+                     rtt_add(a, rtt_point(&random, rtt_origin, 0.2f * size)));
+            rtt_ball(&model, rtt_point(&random, center, size), 0.05f * size);
+        }
+        if (i % 3 == 0)
+            rtt_quad(&model, rtt_point(&random, center, 0.3f * size), rtt_point(&random, rtt_origin, 3 * distance),
+                     rtt_point(&random, rtt_origin, 3 * distance));
+        camera = rtt_camera_at(eye, center, rtt_v(0, 1, 0), fmaxf(1e-5f, 114.6f * size / distance));
+        hits += rtt_check_raster("margins", &model, &camera, &frame);
+        rtt_model_free(&model);
+    }
+    CHECK(hits > 20000);
+}
+
+/* As wide, and as high, as pictures may be: samples beyond 2^19 have 16 places a pixel. */
+static void rtt_test_raster_huge(void)
+{
+    rtt_random random = rtt_stream();
+    rtt_model model = { 0 };
+
+    rtt_cloud(&model, &random, 500, rtt_origin, 1, 0.5f);
+    rtt_balls(&model, &random, 100, rtt_origin, 1, 0.2f);
+    for (int i = 0; i < 3; i++) {
+        rtt_frame frame = { i == 1 ? 2 : 1 << 20, i == 1 ? 1 << 20 : i == 0 ? 1 : 3, 0.3f, 0.9f };
+        rt_camera camera = rtt_camera_at(rtt_v(0, 0, 4), rtt_v(0.1f, 0, 0), rtt_v(0, 1, 0), i == 1 ? 60 : 0.0002f);
+
+        CHECK(rtt_check_raster("huge", &model, &camera, &frame) > 1000);
+    }
+    rtt_model_free(&model);
+}
+
+/* The lists and hits are the same with any parallel_for. */
+static void rtt_test_raster_threads(void)
+{
+    static const rt_parallel_for loops[] = { rtt_backwards, rtt_threaded };
+    rtt_random random = rtt_stream();
+    rtt_model model = { 0 }, child = { 0 };
+    rt_geometry geometry;
+    rt_camera camera = rtt_camera_at(rtt_v(0, 0, 3), rtt_origin, rtt_v(0, 1, 0), 50);
+    rtt_frame frame = { 301, 203, 0.5f, 0.5f };
+    rt_hit *want, *got = (rt_hit *)rtt_array((size_t)301 * 203, sizeof *got);
+    rt_raster *alone, *r;
+    rt_raster_info a, b;
+
+    rtt_cloud(&child, &random, 20, rtt_origin, 0.2f, 0.1f);
+    rtt_cloud(&model, &random, 150000, rtt_origin, 1, 0.05f);
+    rtt_balls(&model, &random, 1000, rtt_origin, 1, 0.05f);
+    for (int i = 0; i < 50; i++)
+        rtt_place(&model, &child, rtt_v(1, 1, 1), rtt_point(&random, rtt_origin, 1));
+    geometry = rtt_geometry(&model);
+    want = rtt_trace_frame(&model, &camera, &frame);
+    CHECK_STATUS(rt_raster_create(&alone, &geometry, &camera, frame.width, frame.height, NULL), RT_OK);
+    rt_raster_get_info(alone, &a);
+    for (size_t k = 0; k < RTT_COUNT(loops); k++) {
+        rt_raster_options options;
+        size_t calls = 0;
+
+        memset(&options, 0, sizeof options);
+        options.parallel_for = loops[k];
+        options.parallel_user = &calls;
+        CHECK_STATUS(rt_raster_create(&r, &geometry, &camera, frame.width, frame.height, &options), RT_OK);
+        rt_raster_get_info(r, &b);
+        CHECK(memcmp(&a, &b, sizeof a) == 0 && calls == 3);
+        CHECK(memcmp(alone->starts, r->starts, (a.tiles + 1) * sizeof *r->starts) == 0);
+        CHECK(memcmp(alone->entries, r->entries, a.entries * sizeof *r->entries) == 0);
+        rt_raster_free(r);
+        memset(got, 0xcc, (size_t)frame.width * (size_t)frame.height * sizeof *got);
+        CHECK_STATUS(rt_rasterize(&geometry, &camera, frame.width, frame.height, &options, got), RT_OK);
+        rtt_same_frame("threads", "rt_rasterize", &camera, &frame, got, want);
+        CHECK(calls == 7);
+    }
+    rt_raster_free(alone);
+    rt_raster_free(NULL);
+    rtt_model_free(&model);
+    rtt_model_free(&child);
+    free(want);
+    free(got);
+}
+
+/* As many triangles as fill the picture, each: the lists must not grow with the tiles. */
+static void rtt_test_raster_memory(void)
+{
+    static const size_t sizes[] = { 0, 1, 300, 20000 };
+    rtt_random random = rtt_stream();
+    rt_camera camera = rtt_camera_at(rtt_v(0, 0, 3), rtt_origin, rtt_v(0, 1, 0), 50);
+    rtt_model filling = { 0 };
+    rt_geometry geometry;
+    rtt_memory memory = { 0 };
+    rt_raster_options options;
+    rt_raster *r;
+    rt_raster_info info;
+
+    for (int i = 0; i < 50000 / RTT_SCALE; i++)
+        rtt_face(&filling, rtt_v(-10, -10, rtt_signed(&random)), rtt_v(10, -10, rtt_signed(&random)), rtt_v(0, 20, rtt_signed(&random)));
+    geometry = rtt_geometry(&filling);
+    memset(&options, 0, sizeof options);
+    options.memory_user = &memory;
+    CHECK_STATUS(rt_raster_create(&r, &geometry, &camera, 3840, 2160, &options), RT_OK);
+    rt_raster_get_info(r, &info);
+    CHECK(info.seen == filling.triangle_count && info.entries <= 4 * info.seen);
+    CHECK(memory.live == info.bytes && memory.peak < 50 * filling.triangle_count + 10000);     /* for 8 million pixels */
+    rt_raster_free(r);
+    CHECK(memory.live == 0);
+    rtt_model_free(&filling);
+    for (size_t s = 0; s < RTT_COUNT(sizes); s++)
+        for (int kind = 0; kind < 2; kind++)
+            for (int whole = 0; whole < 2; whole++) {
+                rtt_model model = { 0 }, child = { 0 };
+                rt_hit hits[12 * 8], untouched[12 * 8];
+                size_t calls = 0;
+
+                if (sizes[s] > 0) {
+                    rtt_cloud(&model, &random, sizes[s], rtt_origin, 1, 0.1f);
+                    rtt_balls(&model, &random, sizes[s] / 2, rtt_origin, 1, 0.1f);
+                    rtt_cloud(&child, &random, 4, rtt_origin, 1, 0.1f);
+                    rtt_place(&model, &child, rtt_v(1, 1, 1), rtt_v(0, 0, 1));
+                }
+                geometry = rtt_geometry(&model);
+                for (size_t k = 1; k < 100; k++) {
+                    rt_status status;
+                    rt_error error;
+
+                    memset(&error, 0, sizeof error);
+                    memset(&memory, 0, sizeof memory);
+                    memset(hits, 0xcc, sizeof hits);
+                    memset(untouched, 0xcc, sizeof untouched);
+                    memory.fail_at = k;
+                    options.error = &error;
+                    options.parallel_for = kind ? rtt_threaded : NULL;
+                    options.parallel_user = &calls;
+                    r = (rt_raster *)(void *)&memory;
+                    status = whole ? rt_rasterize(&geometry, &camera, 12, 8, &options, hits)
+                                   : rt_raster_create(&r, &geometry, &camera, 12, 8, &options);
+                    if (status == RT_OK) {
+                        CHECK(k > 1 && memory.calls < k);
+                        if (!whole)
+                            rt_raster_free(r);
+                        CHECK(memory.live == 0 && memory.blocks == 0);
+                        break;
+                    }
+                    CHECK_STATUS(status, RT_ERROR_MEMORY);
+                    CHECK(error.status == RT_ERROR_MEMORY && error.message[0] != 0 && (whole || r == NULL));
+                    CHECK(memcmp(hits, untouched, sizeof hits) == 0);
+                    CHECK(memory.live == 0 && memory.blocks == 0 && k < 50);
+                }
+                rtt_model_free(&model);
+                rtt_model_free(&child);
+            }
+}
+
+static void rtt_raster_refused(const rt_geometry *geometry, const rt_camera *camera, int width, int height, rt_raster_options options,
+                               rt_status want, const char *part)
+{
+    rt_hit hits[4], untouched[4];
+    rt_error error;
+
+    for (int whole = 0; whole < 2; whole++) {
+        rt_raster *r = (rt_raster *)(void *)&error;
+
+        memset(&error, 0, sizeof error);
+        memset(hits, 0xcc, sizeof hits);
+        memset(untouched, 0xcc, sizeof untouched);
+        options.error = &error;
+        CHECK_STATUS(whole ? rt_rasterize(geometry, camera, width, height, &options, hits)
+                           : rt_raster_create(&r, geometry, camera, width, height, &options), want);
+        CHECK(memcmp(hits, untouched, sizeof hits) == 0 && (whole || r == NULL));
+        if (error.status != want || !strstr(error.message, part))
+            rtt_fail("\"%s\" does not say \"%s\"", error.message, part);
+        options.error = NULL;
+        CHECK_STATUS(whole ? rt_rasterize(geometry, camera, width, height, &options, hits)
+                           : rt_raster_create(&r, geometry, camera, width, height, &options), want);
+    }
+}
+
+static void rtt_test_raster_errors(void)
+{
+    rt_camera camera = rtt_camera_at(rtt_v(0, 0, 3), rtt_origin, rtt_v(0, 1, 0), 50), other;
+    rtt_model model = { 0 };
+    rt_geometry geometry;
+    rt_raster_options options;
+    rt_raster_info info;
+    rt_raster *r;
+    rt_error error;
+    rt_hit hits[4 * 3], untouched[4 * 3];
+
+    rtt_quad(&model, rtt_v(-1, -1, 0), rtt_v(2, 0, 0), rtt_v(0, 2, 0));
+    rtt_ball(&model, rtt_origin, 0.5f);
+    geometry = rtt_geometry(&model);
+    memset(&options, 0, sizeof options);
+    rtt_raster_refused(NULL, &camera, 4, 3, options, RT_ERROR_ARGUMENT, "geometry");
+    rtt_raster_refused(&geometry, NULL, 4, 3, options, RT_ERROR_ARGUMENT, "camera");
+    rtt_raster_refused(&geometry, &camera, 0, 3, options, RT_ERROR_ARGUMENT, "0 x 3");
+    rtt_raster_refused(&geometry, &camera, 4, -1, options, RT_ERROR_ARGUMENT, "4 x -1");
+    rtt_raster_refused(&geometry, &camera, (1 << 20) + 1, 3, options, RT_ERROR_ARGUMENT, "1048577");
+    other = camera;
+    other.fov = 180;
+    rtt_raster_refused(&geometry, &other, 4, 3, options, RT_ERROR_ARGUMENT, "fov");
+    other.fov = NAN;
+    rtt_raster_refused(&geometry, &other, 4, 3, options, RT_ERROR_ARGUMENT, "fov");
+    options.offset_x = 0.6f;
+    rtt_raster_refused(&geometry, &camera, 4, 3, options, RT_ERROR_ARGUMENT, "offset");
+    options.offset_x = 0;
+    options.offset_y = NAN;
+    rtt_raster_refused(&geometry, &camera, 4, 3, options, RT_ERROR_ARGUMENT, "offset");
+    options.offset_y = 0;
+    options.isa = (rt_isa)RT_ISA_COUNT;
+    rtt_raster_refused(&geometry, &camera, 4, 3, options, RT_ERROR_ARGUMENT, "isa");
+    if (RTI_X86) {
+        options.isa = RT_ISA_SCALAR;
+        rtt_raster_refused(&geometry, &camera, 4, 3, options, RT_ERROR_UNSUPPORTED, "scalar");
+    }
+    options.isa = RT_ISA_AUTO;
+    geometry.vertex_stride = 5;
+    rtt_raster_refused(&geometry, &camera, 4, 3, options, RT_ERROR_ARGUMENT, "vertex_stride");
+    geometry.vertex_stride = 0;
+    CHECK_STATUS(rt_raster_create(NULL, &geometry, &camera, 4, 3, NULL), RT_ERROR_ARGUMENT);
+    CHECK_STATUS(rt_rasterize(&geometry, &camera, 4, 3, NULL, NULL), RT_ERROR_ARGUMENT);
+
+    model.spheres[0].radius = -1;           /* bad primitives: as rt_build says it */
+    rtt_raster_refused(&geometry, &camera, 4, 3, options, RT_ERROR_GEOMETRY, "sphere 0");
+    model.vertices[1] = NAN;
+    rtt_raster_refused(&geometry, &camera, 4, 3, options, RT_ERROR_GEOMETRY, "triangle 0");
+    options.error = &error;
+    CHECK_STATUS(rt_raster_create(&r, &geometry, &camera, 4, 3, &options), RT_ERROR_GEOMETRY);
+    CHECK(error.prim == 0);
+    model.vertices[1] = -1;
+    model.indices[5] = 4;
+    rtt_raster_refused(&geometry, &camera, 4, 3, options, RT_ERROR_GEOMETRY, "triangle 1");
+    model.vertices[1] = NAN;
+    options.skip_invalid = true;
+    CHECK_STATUS(rt_raster_create(&r, &geometry, &camera, 4, 3, &options), RT_OK);
+    rt_raster_get_info(r, &info);
+    CHECK(info.skipped == 3 && info.seen == 0);
+    rt_raster_free(r);
+    model.indices[5] = 3;
+    model.vertices[1] = -1;
+    model.spheres[0].radius = 0.5f;
+
+    memset(hits, 0xcc, sizeof hits);
+    memset(untouched, 0xcc, sizeof untouched);
+    CHECK_STATUS(rt_raster_create(&r, &geometry, &camera, 4, 3, NULL), RT_OK);
+    CHECK_STATUS(rt_raster_tile(NULL, 0, 0, 4, 3, 0.5f, 0.5f, hits), RT_ERROR_ARGUMENT);
+    CHECK_STATUS(rt_raster_tile(r, 0, 0, 4, 3, 0.5f, 0.5f, NULL), RT_ERROR_ARGUMENT);
+    CHECK_STATUS(rt_raster_tile(r, -1, 0, 4, 3, 0.5f, 0.5f, hits), RT_ERROR_ARGUMENT);
+    CHECK_STATUS(rt_raster_tile(r, 0, 0, 5, 3, 0.5f, 0.5f, hits), RT_ERROR_ARGUMENT);
+    CHECK_STATUS(rt_raster_tile(r, 0, 2, 4, 1, 0.5f, 0.5f, hits), RT_ERROR_ARGUMENT);
+    CHECK_STATUS(rt_raster_tile(r, 0, 0, 4, 3, 1.1f, 0.5f, hits), RT_ERROR_ARGUMENT);
+    CHECK_STATUS(rt_raster_tile(r, 0, 0, 4, 3, 0.5f, NAN, hits), RT_ERROR_ARGUMENT);
+    CHECK_STATUS(rt_raster_tile(r, 2, 2, 2, 3, 0.5f, 0.5f, hits), RT_OK);
+    CHECK(memcmp(hits, untouched, sizeof hits) == 0);
+    rt_raster_free(r);
+    rtt_model_free(&model);
+}
+
+/* rt_render_tile draws the same picture with rasterised eye rays; a raster of something else is refused. */
+static void rtt_test_raster_render(void)
+{
+    enum { WIDTH = 61, HEIGHT = 43, PIXELS = WIDTH * HEIGHT };
+    static rt_vec3 traced[PIXELS], drawn[PIXELS];
+    rtt_model model = { 0 }, larger = { 0 };
+    rt_geometry geometry, other_geometry;
+    rt_render_options options;
+    rt_ray_counts counts, drawn_counts;
+    rt_scene scene;
+    rt_accel *accel;
+    rt_raster *r;
+
+    rtt_room(&model, &scene, &geometry, &accel);
+    CHECK_STATUS(rt_raster_create(&r, &geometry, &scene.camera, WIDTH, HEIGHT, NULL), RT_OK);
+    memset(&options, 0, sizeof options);
+    options.width = WIDTH, options.height = HEIGHT;
+    for (int spp = 1; spp <= 5; spp++) {
+        options.spp = spp;
+        options.raster = NULL;
+        memset(&counts, 0, sizeof counts);
+        memset(&drawn_counts, 0, sizeof drawn_counts);
+        CHECK_STATUS(rt_render_tile(&scene, &options, 0, 0, WIDTH, HEIGHT, traced, &counts), RT_OK);
+        options.raster = r;
+        memset(drawn, 0xcc, sizeof drawn);
+        for (int y = 0; y < HEIGHT; y += 7)
+            for (int x = 0; x < WIDTH; x += 23)
+                CHECK_STATUS(rt_render_tile(&scene, &options, x, y, x + 23 < WIDTH ? x + 23 : WIDTH, y + 7 < HEIGHT ? y + 7 : HEIGHT, drawn,
+                                            &drawn_counts), RT_OK);
+        CHECK(memcmp(traced, drawn, sizeof drawn) == 0);
+        CHECK(counts.primary == drawn_counts.primary && counts.shadow == drawn_counts.shadow);
+    }
+    memset(drawn, 0xcc, sizeof drawn);
+    memset(traced, 0xcc, sizeof traced);
+    options.width--;
+    CHECK_STATUS(rt_render_tile(&scene, &options, 0, 0, 9, 9, drawn, NULL), RT_ERROR_ARGUMENT);
+    options.width++;
+    options.height++;
+    CHECK_STATUS(rt_render_tile(&scene, &options, 0, 0, 9, 9, drawn, NULL), RT_ERROR_ARGUMENT);
+    options.height--;
+    scene.camera.fov++;
+    CHECK_STATUS(rt_render_tile(&scene, &options, 0, 0, 9, 9, drawn, NULL), RT_ERROR_ARGUMENT);
+    scene.camera.fov--;
+    rtt_ball(&larger, rtt_origin, 1);
+    other_geometry = rtt_geometry(&larger);
+    scene.geometry = &other_geometry;
+    CHECK_STATUS(rt_render_tile(&scene, &options, 0, 0, 9, 9, drawn, NULL), RT_ERROR_ARGUMENT);
+    CHECK(memcmp(traced, drawn, sizeof drawn) == 0);
+    rt_raster_free(r);
+    rt_free(accel);
+    rtt_model_free(&model);
+    rtt_model_free(&larger);
+}
 #endif
 
 /* ---- >>programs: the code in the documentation compiles and runs --------------------------------------------------------- */
@@ -5592,6 +6248,16 @@ static const rtt_test rtt_tests[] = {
     { "shading.render", rtt_test_render },
     { "shading.instances", rtt_test_render_instances },
     { "shading.errors", rtt_test_render_errors },
+    { "raster.shapes", rtt_test_raster_shapes },
+    { "raster.instances", rtt_test_raster_instances },
+    { "raster.skewed", rtt_test_raster_skewed },
+    { "raster.ugly", rtt_test_raster_ugly },
+    { "raster.margins", rtt_test_raster_margins },
+    { "raster.huge", rtt_test_raster_huge },
+    { "raster.threads", rtt_test_raster_threads },
+    { "raster.memory", rtt_test_raster_memory },
+    { "raster.errors", rtt_test_raster_errors },
+    { "raster.render", rtt_test_raster_render },
 #endif
     { "loaders.obj.numbers", rtt_test_obj_numbers },
     { "loaders.obj.lines", rtt_test_obj_lines },
