@@ -63,6 +63,7 @@ typedef struct {
     const rt_algorithm_info *algorithm;
     int packet;                             /* 0: the algorithm's default */
     rt_cull cull;
+    bool raster;                            /* rasterise eye rays */
     point eye, look, up, light;
     float fov;                              /* 0: the scene's */
     bool quiet, help;
@@ -146,6 +147,12 @@ static bool set_cull(options *o, const char *text)
     return o->cull != RT_CULL_COUNT;
 }
 
+static bool set_primary(options *o, const char *text)
+{
+    o->raster = strcmp(text, "raster") == 0;
+    return o->raster || strcmp(text, "trace") == 0;
+}
+
 static bool set_algorithm(options *o, const char *text)
 {
     size_t i = 0;
@@ -172,6 +179,7 @@ static const struct {
     { "--algorithm", "NAME",     set_algorithm, "how to trace (default auto)",                       "an algorithm's name: see --help" },
     { "--packet",    "N",        set_packet,    "packet width (default 0: the algorithm's own)",     "0 or a width, see --help" },
     { "--cull",      "NAME",     set_cull,      "frustum culling of packets (default none)",         "one of:" RT_CULL_LIST(LISTED) },
+    { "--primary",   "NAME",     set_primary,   "eye rays: trace or raster (default trace)",         "one of: trace raster" },
     { "--threads",   "N",        set_threads,   "worker threads (default: all processors)",          "1 to " TEXT(MAX_THREADS) },
     { "--eye",       "X,Y,Z",    set_eye,       "where the camera stands (default: the scene's)",    "three numbers: X,Y,Z" },
     { "--look",      "X,Y,Z",    set_look,      "the point that it looks at",                        "three numbers: X,Y,Z" },
@@ -473,7 +481,7 @@ static const char *byte_size(size_t bytes, label *out)
 }
 
 static void print_summary(const options *o, const scene *loaded, const rt_info *tree, const frame *f, int threads, double load_seconds,
-                          double build_seconds, double render_seconds)
+                          double build_seconds, double sort_seconds, double render_seconds)
 {
     size_t primitives = tree->triangles + tree->spheres;
     uint64_t rays = f->rays.primary + f->rays.shadow;
@@ -487,6 +495,12 @@ static void print_summary(const options *o, const scene *loaded, const rt_info *
            grouped(tree->nodes, &a), tree->depth);
     printf("memory    %s", byte_size(tree->bytes, &a));
     if (primitives) printf(", %.1f bytes a primitive", (double)tree->bytes / (double)primitives);
+    if (f->how.raster) {
+        rt_raster_info raster;
+        rt_raster_get_info(f->how.raster, &raster);
+        printf("\nprimary   rasterised: %s primitives seen, sorted in %.3f s, %s", grouped(raster.seen, &a), sort_seconds,
+               byte_size(raster.bytes, &b));
+    } else printf("\nprimary   traced");
     printf("\nrays      %s: %s primary, %s shadow\n", grouped(rays, &a), grouped(f->rays.primary, &b), grouped(f->rays.shadow, &c));
     printf("speed     %.2f Mrays/s: %.3f s with %s on %d thread%s\n", (double)rays / render_seconds * 1e-6, render_seconds,
            o->algorithm->name, threads, threads == 1 ? "" : "s");
@@ -522,7 +536,9 @@ static bool render(options *o)
     scene loaded = {0};
     pool *workers = NULL;
     rt_accel *accel = NULL;
+    rt_raster *raster = NULL;
     rt_build_options build = {0};
+    rt_raster_options sort = {0};
     rt_error error = {0};
     rt_scene view;
     rt_light lights[2];
@@ -530,7 +546,7 @@ static bool render(options *o)
     frame f = {0};
     rt_status status;
     int threads;
-    double start, load_seconds, build_seconds, render_seconds;
+    double start, load_seconds, build_seconds, sort_seconds, render_seconds;
     bool done = false;
 
     if (!check_tracing(o, &f.how.trace) || !check_output(o->output, o->scene_name)) return false;
@@ -560,7 +576,17 @@ static bool render(options *o)
 
     view = scene_view(&loaded, accel);
     if (!aim(o, &loaded, &view, lights)) goto cleanup;
+    start = seconds_now();
+    if (o->raster) {
+        sort.parallel_for = pool_for;
+        sort.parallel_user = workers;
+        sort.error = &error;
+        status = rt_raster_create(&raster, &loaded.geometry, &view.camera, o->width, o->height, &sort);
+        if (status != RT_OK) { fail("%s: %s", o->scene_name, reason(status, &error)); goto cleanup; }
+    }
+    sort_seconds = seconds_now() - start;
     f.scene = &view;
+    f.how.raster = raster;
     f.how.width = o->width;
     f.how.height = o->height;
     f.how.spp = o->spp;
@@ -573,9 +599,10 @@ static bool render(options *o)
     pool_destroy(workers);                  /* leaves one thread, as write_picture wants */
     workers = NULL;
     if (!write_picture(o, f.pixels)) goto cleanup;
-    if (!o->quiet) print_summary(o, &loaded, &tree, &f, threads, load_seconds, build_seconds, render_seconds);
+    if (!o->quiet) print_summary(o, &loaded, &tree, &f, threads, load_seconds, build_seconds, sort_seconds, render_seconds);
     done = true;
 cleanup:
+    rt_raster_free(raster);
     rt_free(accel);
     pool_destroy(workers);
     free(f.pixels);
