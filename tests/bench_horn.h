@@ -605,8 +605,8 @@ static bool horn_plot(const horn *h)
 /* ---- >>horn-frames -------------------------------------------------------------------------------------------------- */
 
 enum { FRAME_SHADOW, FRAME_BOUNCE, FRAME_EFFECTS };
-enum { FRAME_TRACED, FRAME_PRIMARIES };
-static const char *const frame_primaries[FRAME_PRIMARIES] = { "traced" };
+enum { FRAME_TRACED, FRAME_RASTERISED, FRAME_PRIMARIES };
+static const char *const frame_primaries[FRAME_PRIMARIES] = { "traced", "rasterised" };
 typedef double frame_rates[FRAME_PRIMARIES][FRAME_EFFECTS][HORN_FORMS];         /* frames a second */
 enum { BLOCK = 16, BLOCK_RAYS = BLOCK * BLOCK };                /* pixels that a thread draws at once */
 
@@ -614,6 +614,7 @@ enum { BLOCK = 16, BLOCK_RAYS = BLOCK * BLOCK };                /* pixels that a
 typedef struct {
     const bench *s;
     int width, height, effect;
+    bool rasterise;                         /* the primary hits, with every frame as if all had moved; else they are traced */
     rt_trace_options options;
     pool *threads;
     rt_vec3 *pixels;
@@ -657,10 +658,11 @@ static void draw_block(void *context, size_t index)
         const int x = left + even_bits((unsigned)i), y = top + even_bits((unsigned)i >> 1);
         const size_t at = (size_t)y * (size_t)f->width + (size_t)x;
         if (x >= f->width || y >= f->height) continue;
+        if (f->rasterise) hits[count] = memory->hits[at];
         pixel[count++] = &f->pixels[at];
     }
     options.query = RT_CLOSEST;
-    rt_trace(f->s->accels[RT_KDTREE], &options, primary, count, hits);
+    if (!f->rasterise) rt_trace(f->s->accels[RT_KDTREE], &options, primary, count, hits);
     k = make_secondary(f->effect == FRAME_SHADOW ? SHADOW : REFLECT, geometry, f->s->content.lights[0].position, primary, hits, count,
                        secondary);
     if (f->effect == FRAME_SHADOW) options.query = RT_ANY;
@@ -680,23 +682,40 @@ static void draw_block(void *context, size_t index)
     }
 }
 
-/* Seconds that a frame takes. */
+/* Seconds that a frame takes; less than 0 when it fails. */
 static double draw_frame(frame *f)
 {
+    const scene *content = &f->s->content;
     const size_t across = (size_t)((f->width + BLOCK - 1) / BLOCK), blocks = across * (size_t)((f->height + BLOCK - 1) / BLOCK);
     const double start = now();
 
+    if (f->rasterise) {
+        rt_raster_options options;
+        rt_error error;
+        memset(&options, 0, sizeof options);
+        options.isa = f->options.isa;
+        options.error = &error;
+        if (pool_threads(f->threads) > 1) {
+            options.parallel_for = pool_for;
+            options.parallel_user = f->threads;
+        }
+        if (rt_rasterize(&content->geometry, &content->camera, f->width, f->height, &options, f->s->memory->hits) != RT_OK) {
+            complain("%s: %s", content->name, error.message);
+            return -1;
+        }
+    }
     pool_for(f->threads, blocks, draw_block, f);
     return now() - start;
 }
 
 /* The frame of an effect and a form of a scene, to be drawn to pixels. */
-static frame make_frame(const horn *h, const horn_scene *s, int effect, int form, pool *threads, rt_vec3 *pixels)
+static frame make_frame(const horn *h, const horn_scene *s, bool rasterise, int effect, int form, pool *threads, rt_vec3 *pixels)
 {
     frame f;
 
     memset(&f, 0, sizeof f);
     f.s = &s->bench;
+    f.rasterise = rasterise;
     f.threads = threads;
     f.width = h->a.width;
     f.height = h->a.height;
@@ -722,10 +741,11 @@ static bool horn_measure_frames(horn *h, const horn_scene *s, pool *threads, rt_
             for (primary = 0; primary < FRAME_PRIMARIES; primary++)
                 for (form = 0; form < HORN_FORMS; form++) {
                     const bool first = primary == 0 && form == 0;
-                    frame f = make_frame(h, s, effect, form, threads, pixels[!first]);
+                    frame f = make_frame(h, s, primary == FRAME_RASTERISED, effect, form, threads, pixels[!first]);
                     double took;
                     if (!horn_has(&s->bench, &h->a, RT_KD_SHORTSTACK, horn_forms[form].packet)) continue;
                     took = draw_frame(&f);
+                    if (took < 0) return false;
                     if (round > 0) seconds[primary][effect][form][round - 1] = took;
                     else if (!first && memcmp(pixels[0], pixels[1], bytes) != 0)
                         h->fine = complain("%s: the picture of %s, %s, is another than that of single rays", s->title,
