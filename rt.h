@@ -4643,9 +4643,6 @@ typedef struct {
     float org[3][RTI_WIDTH], dir[3][RTI_WIDTH], tmin[RTI_WIDTH];
     float t[RTI_WIDTH], u[RTI_WIDTH], v[RTI_WIDTH];         /* t starts as tmax */
     union { uint32_t id[RTI_WIDTH]; float bits[RTI_WIDTH]; } prim, inst;   /* bits: to select them like floats */
-#if RTI_INSTANCES && RTI_KDTREE
-    uint32_t seen[RTI_SEEN], seen_by[RTI_SEEN];             /* instances of a k-d tree that were traced last, and by which lanes */
-#endif
     float rdir[3][RTI_WIDTH];                               /* 1 / dir, bounded */
     float plane[2][3][RTI_WIDTH];                           /* org as rti_vplane wants it, padded, for lower and upper planes */
     float shear[2][RTI_WIDTH];                              /* dir[kx] / dir[kz], dir[ky] / dir[kz] */
@@ -4654,6 +4651,9 @@ typedef struct {
     int first_axis, last_axis;                              /* and which axes have any */
     int side[3];                                            /* uniform directions: 1 where upper planes are met first */
     bool uniform;
+#if RTI_INSTANCES && RTI_KDTREE
+    uint32_t seen[RTI_SEEN], seen_by[RTI_SEEN];             /* instances of a k-d tree that were traced last, and by which lanes */
+#endif
 } RTI_ALIGNED(32) rti_packet;
 
 /* Rays as they stand in memory to lanes: a transpose. */
@@ -5234,7 +5234,7 @@ RTI_FN unsigned rti_kd_cross(const rti_kdray *r, const rti_kdnode *nodes, const 
 {
     const uint32_t word = at->node->word, axis = word & 3;
     const uint32_t side = r->sides >> axis & 1;           /* from a register: a load would double the time from node to node */
-    const rti_kdnode *pair = nodes + rti_kd_children(at->node);
+    const rti_kdnode *pair = (const rti_kdnode *)(const void *)((const char *)nodes + (word & ~15u));       /* 2 nodes are 16 bytes */
     const rti_v lo = rti_vplane(at->node->as.split, r->axis[axis].near_org, r->axis[axis].rdir);
     const rti_v hi = rti_vplane(at->node->as.split, r->axis[axis].far_org, r->axis[axis].rdir);
     const rti_v until = rti_vmin(hi, at->tmax), from = rti_vmax(lo, at->tmin);
@@ -5308,6 +5308,7 @@ RTI_FN unsigned rti_kd_stack_body(const rt_accel *accel, rti_packet *p, unsigned
     (void)job;
     live = rti_kd_enter(accel, p, live, &r, &at);
     if (!live) return 0;
+    if (RTI_WIDTH == 1) live = 1;           /* known to be: no masks */
     for (;;) {
         while ((at.node->word & 3) != RTI_LEAF) {
             const unsigned wants = rti_kd_cross(&r, nodes, &at, live, &first, &second);
@@ -5381,6 +5382,7 @@ RTI_FN unsigned rti_kd_restart_body(const rt_accel *accel, rti_packet *p, unsign
     ring.lost = rti_vset(RTI_INFINITY);
     live = rti_kd_enter(accel, p, live, &r, &at);
     if (!live) return 0;
+    if (RTI_WIDTH == 1) live = 1;           /* known to be: no masks */
     base = at;
     for (;;) {
         while ((at.node->word & 3) != RTI_LEAF) {
