@@ -1807,7 +1807,8 @@ out:
    to the cell's, less a bonus where one side is empty; a node whose best plane costs more than its primitives is a leaf. A primitive on
    both sides is clipped to either cell (their "perfect splits"). Small nodes try every plane where a primitive begins or ends. Larger
    ones count beginnings and ends in bins, then once more in finer bins around the best plane, and take the nearest exact beginning or
-   end: no lists to sort and to keep sorted, O(n) a level, O(n log n) in all.
+   end: no lists to sort and to keep sorted, O(n) a level, O(n log n) in all. Primitives in a wall of the cell may be cut off into a flat
+   cell, which only rays that reach the wall see.
 
    Nodes over RTI_KD_TASK refs are split one after the other, their refs in parallel chunks; the rest is one task each. What a node may use
    of the limit on references, its budget, is shared out at each split, so it depends neither on order nor on threads. An empty leaf
@@ -1836,7 +1837,7 @@ typedef struct { int axis; float at, cost; bool planar_left; } rti_kdplane;    /
 typedef struct { float slope[3], base[3], size[3]; float traversal, bonus; } rti_kdcost;
 
 typedef struct { float origin[4], scale[4], end[4]; } rti_kdgrid;   /* bin = (x - origin) * scale; scale 0: cannot be split */
-typedef struct { uint32_t starts[3][RTI_KD_BINS], ends[3][RTI_KD_BINS], walls[2][3]; } rti_kdbins;
+typedef struct { uint32_t starts[3][RTI_KD_BINS], ends[3][RTI_KD_BINS], walls[2][3]; } rti_kdbins;    /* walls: what lies in them */
 /* A finer bin: the first and the last place where a primitive starts or ends, and how many, flat ones apart, end at the first and start
    at the last. */
 typedef struct { uint32_t starts, ends, first_ends, last_starts; float first, last; } rti_kdfine;
@@ -1866,8 +1867,6 @@ typedef struct {
     const rti_kdgrid *grid;
     const rti_kdplane *plane;
     int axis, bin;
-    rti_ref *parts[2];
-    size_t offset[2];
 } rti_kdbuilder;
 
 /* ---- the best plane */

@@ -62,6 +62,7 @@ typedef struct {
     rt_structure structure;                 /* RT_STRUCTURE_COUNT until it is known */
     const rt_algorithm_info *algorithm;
     int packet;                             /* 0: the algorithm's default */
+    int short_stack;                        /* entries of kd.shortstack; 0: its default */
     rt_cull cull;
     bool raster;                            /* rasterise eye rays */
     point eye, look, up, light;
@@ -116,6 +117,7 @@ static bool read_point(const char *text, point *out)
 static bool set_output(options *o, const char *text)  { o->output = text; return text[0] != '\0'; }
 static bool set_spp(options *o, const char *text)     { return read_int(text, '\0', 1, MAX_SPP, &o->spp, NULL); }
 static bool set_packet(options *o, const char *text)  { return read_int(text, '\0', 0, INT_MAX, &o->packet, NULL); }
+static bool set_stack(options *o, const char *text)   { return read_int(text, '\0', 1, RT_MAX_SHORT_STACK, &o->short_stack, NULL); }
 static bool set_threads(options *o, const char *text) { return read_int(text, '\0', 1, MAX_THREADS, &o->threads, NULL); }
 static bool set_eye(options *o, const char *text)     { return read_point(text, &o->eye); }
 static bool set_look(options *o, const char *text)    { return read_point(text, &o->look); }
@@ -178,6 +180,7 @@ static const struct {
     { "--structure", "NAME",     set_structure, "what to build (default: what the algorithm takes)", "one of:" RT_STRUCTURE_LIST(LISTED) },
     { "--algorithm", "NAME",     set_algorithm, "how to trace (default auto)",                       "an algorithm's name: see --help" },
     { "--packet",    "N",        set_packet,    "packet width (default 0: the algorithm's own)",     "0 or a width, see --help" },
+    { "--short-stack", "N",      set_stack,     "entries of kd.shortstack (default 3)",              "1 to " TEXT(RT_MAX_SHORT_STACK) },
     { "--cull",      "NAME",     set_cull,      "frustum culling of packets (default none)",         "one of:" RT_CULL_LIST(LISTED) },
     { "--primary",   "NAME",     set_primary,   "eye rays: trace or raster (default trace)",         "one of: trace raster" },
     { "--threads",   "N",        set_threads,   "worker threads (default: all processors)",          "1 to " TEXT(MAX_THREADS) },
@@ -273,6 +276,7 @@ static bool check_tracing(options *o, rt_trace_options *trace)
     trace->algorithm = o->algorithm->algorithm;
     trace->packet_width = o->packet;
     trace->cull = o->cull;
+    trace->short_stack = o->short_stack;
     build.structure = o->structure;
     build.error = trace->error = &error;
     status = rt_build(&accel, &nothing, &build);
