@@ -52,7 +52,8 @@ bench: $(B)/bench | out
 	$(B)/bench $(or $(BENCH),--paper all --svg out/horn_figure2.svg)
 
 # Sanitizers see every test; valgrind, 30 times slower, those that matter for memory; the thread sanitizer those with threads.
-VALGRIND_TESTS = random spheres mixed instances ugly.degenerate rays refit build.bad build.layouts build.quality memory options stats shading raster.errors raster.render loader
+VALGRIND_TESTS = hits.mixed hits.spheres hits.short instances.deep instances.bad rays refit build.layouts build.quality kdtree.nested kdtree.options \
+                 options stats shading raster.memory raster.errors raster.render loaders.obj.errors loaders.obj.numbers loaders.nff
 THREAD_TESTS   = threads build.parallel shading.render raster.render
 check:
 	$(call need,valgrind,valgrind)
