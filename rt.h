@@ -59,8 +59,9 @@
      bytes a node (at most 2 n - 1 nodes, about n on meshes); RT_KDTREE 8 bytes a node (2 to 3 n on meshes), 14 more unless
      opt->no_backtrack, and 4 bytes for each time that a leaf with several primitives names one (at most opt->max_duplication a primitive).
      While building, RT_BVH takes 128 bytes a primitive more, half of them for nodes; RT_KDTREE 32 bytes a reference, twice at the top of
-     the tree, and a lane of 1 MiB, or 16 with a parallel_for. All is released before rt_build returns; rt_get_info tells what an
-     accel holds. Stack: 2 KiB for a single ray, 9 KiB for a packet, and as much again for each level of instances.
+     the tree, and a lane of 1 MiB (208 KiB times opt->max_duplication), or 16 with a parallel_for. All is released before rt_build
+     returns; rt_get_info tells what an accel holds. Stack: 2 KiB for a single ray, 9 KiB for a packet, and as much again for each
+     level of instances.
 
    MACROS, each defined before the include
 
@@ -123,7 +124,7 @@
 #define RT_MIN_DIRECTION  1e-30f            /* least and greatest size of the largest component of a ray's dir */
 #define RT_MAX_DIRECTION  1e30f
 #define RT_MAX_NESTING    8                 /* levels of instances below the accel that is traced */
-#define RT_MAX_PRIMITIVES 0x10000000u       /* triangles, spheres and instances of one accel together */
+#define RT_MAX_PRIMITIVES 0x0fffffffu       /* triangles, spheres and instances of one accel together */
 #define RT_MAX_SHORT_STACK 32               /* entries of RT_KD_SHORTSTACK */
 
 typedef struct { float x, y, z; } rt_vec3;
@@ -202,7 +203,8 @@ typedef struct {
     float empty_bonus;                      /* RT_KDTREE: the part of its cost that a split which cuts off empty space is let off, up to 1;
                                                0 = 0.2, negative: none */
     float max_duplication;                  /* RT_KDTREE: leaves refer to a primitive at most so many times on average, 1 to 64; 0 = 5.
-                                               Where the limit is reached leaves just get fuller */
+                                               Planes that would pass the limit are not taken: leaves get
+                                               fuller, near 1 very full, since hardly a plane cuts nothing */
     bool no_backtrack;                      /* RT_KDTREE: leave out the parent links and boxes that only RT_KD_BACKTRACK reads */
     rt_parallel_for parallel_for;           /* NULL: build on this thread. The tree is the same, bit for bit */
     void *parallel_user;
@@ -304,7 +306,7 @@ typedef struct {
     uint64_t nodes;                         /* inner nodes visited */
     uint64_t leaves;                        /* leaves visited */
     uint64_t boxes;                         /* ray-box tests */
-    uint64_t prims;                         /* ray-primitive tests */
+    uint64_t prims;                         /* ray-primitive tests; in k-d trees an instance counts in every leaf */
     uint64_t restarts;                      /* k-d tree restarts */
     uint64_t pushes, drops;                 /* stack entries pushed, and lost from a full short stack */
     uint64_t steps, active;                 /* packet node visits, and live rays summed over them: active / steps a visit */
@@ -381,7 +383,7 @@ RT_API rt_status rt_raster_create(rt_raster **out, const rt_geometry *geo, const
                                   const rt_raster_options *opt);
 
 /* The hits of the pixels [x0,x1) x [y0,y1), written to hits, which holds the whole picture row by row: of the rays through
-   (x + dx, y + dy), dx and dy in [0, 1]. Any number of threads may share r. No allocation, 44 KiB of stack and as much as rt_trace takes
+   (x + dx, y + dy), dx and dy in [0, 1]. Any number of threads may share r. No allocation, 52 KiB of stack and as much as rt_trace takes
    for instances. RT_ERROR_ARGUMENT for what is NULL or leaves the picture or the pixel; hits is then untouched. */
 RT_API rt_status rt_raster_tile(const rt_raster *r, int x0, int y0, int x1, int y1, float dx, float dy, rt_hit *hits);
 
@@ -726,6 +728,7 @@ typedef struct {
 typedef char rti_check_ray[sizeof(rt_ray) == 32 ? 1 : -1];
 typedef char rti_check_hit[sizeof(rt_hit) == 20 ? 1 : -1];
 typedef char rti_check_node[sizeof(rti_node) == 32 ? 1 : -1];
+typedef char rti_check_count[RT_MAX_PRIMITIVES <= RTI_COUNT_MASK ? 1 : -1];       /* a leaf of a k-d tree may hold all of them */
 typedef char rti_check_kdnode[sizeof(rti_kdnode) == 8 ? 1 : -1];
 typedef char rti_check_triangle[sizeof(rti_triangle) == 40 ? 1 : -1];
 
@@ -1000,7 +1003,7 @@ static bool rti_kd_validate(const rt_accel *accel)
         const rti_kdnode *node = &accel->kdnodes[at];
         const int axis = (int)(node->word & 3);
         const uint32_t first = axis == (int)RTI_LEAF ? node->word >> 2 : rti_kd_children(node);
-        if (at >= accel->node_count || depth > RTI_MAX_DEPTH) return false;
+        if (depth > RTI_MAX_DEPTH) return false;
         visited++;
         if (depth > deepest) deepest = depth;
         if (axis != (int)RTI_LEAF) {
@@ -1834,7 +1837,7 @@ typedef struct {
 typedef struct { int axis; float at, cost; bool planar_left; } rti_kdplane;    /* planar_left: where primitives in the plane go */
 
 /* Cost of a split at distance x from the cell's lower plane: area(left) = x * slope + base, of a cell of area 1. */
-typedef struct { float slope[3], base[3], size[3]; float traversal, bonus; } rti_kdcost;
+typedef struct { float slope[3], base[3], size[3]; float traversal, bonus, budget; } rti_kdcost;
 
 typedef struct { float origin[4], scale[4], end[4]; } rti_kdgrid;   /* bin = (x - origin) * scale; scale 0: cannot be split */
 typedef struct { uint32_t starts[3][RTI_KD_BINS], ends[3][RTI_KD_BINS], walls[2][3]; } rti_kdbins;    /* walls: what lies in them */
@@ -1906,6 +1909,7 @@ RTI_INLINE void rti_kd_offer(rti_kdplane *best, const rti_kdcost *cost, const rt
 {
     float price;
     if (!(at > cell->lo[axis] && at < cell->hi[axis])) return;      /* a plane in the cell's wall: see rti_kd_offer_wall */
+    if (left + right + (left > 0 && right > 0 ? 0.0f : 1.0f) > cost->budget) return;
     price = rti_kd_price(cost, axis, at - cell->lo[axis], left, right);
     if (price < best->cost) {
         best->cost = price;
@@ -2187,13 +2191,14 @@ static void rti_kd_chunk_fine(void *context, size_t i)
     rti_kd_count_fine(b->grid, b->axis, b->bin, b->work->refs + first, left < RTI_CHUNK ? left : RTI_CHUNK, b->chunks[i].fine);
 }
 
-/* The best plane through w; false: w is better a leaf. chunked: in parallel (b is then not shared). */
+/* The best plane through w; false: w is better a leaf. chunked is b itself where no other task uses it: to count in parallel; else NULL. */
 static bool rti_kd_plane(const rti_kdbuilder *b, const rti_kdwork *w, rti_kdbuilder *chunked, rti_kdplane *best)
 {
     rti_kdcost cost;
     memset(best, 0, sizeof *best);
     best->cost = (float)w->count;           /* as a leaf */
     if ((float)w->count <= b->traversal || w->depth >= b->max_depth || !rti_kd_cost(b, &w->cell, &cost)) return false;
+    cost.budget = (float)w->budget;
     if (w->count <= b->few) rti_kd_try_all(w, &cost, best);
     else {
         const rti_kdgrid grid = rti_kd_make_grid(&w->cell);
@@ -2703,7 +2708,7 @@ static bool rti_kd_link(rt_accel *accel, const rt_build_options *opt)
         if (depth > accel->depth) accel->depth = depth;
         if (axis == (int)RTI_LEAF) continue;
         for (k = 0; k < 2; k++)
-            if (rti_kd_empty(node + child - at + k)) node->word |= k ? RTI_KD_UPPER_EMPTY : RTI_KD_LOWER_EMPTY;
+            if (rti_kd_empty(&accel->kdnodes[child + (uint32_t)k])) node->word |= k ? RTI_KD_UPPER_EMPTY : RTI_KD_LOWER_EMPTY;
         if (accel->kdlinks) {
             memcpy(accel->kdlinks[child / 2].bounds, stack[top].bounds, sizeof stack[top].bounds);
             accel->kdlinks[child / 2].parent = at;
@@ -3260,7 +3265,7 @@ RTI_INLINE double rti_drift(const rti_lens *lens, double reach) { return (reach 
 
 /* ---- >>passes ------------------------------------------------------------------------------------------------------- */
 
-#define RTI_SEEN 16                          /* instances that a walk through a k-d tree remembers */
+#define RTI_SEEN 16                         /* instances that a walk through a k-d tree remembers: nested ones would take ever longer */
 
 #define RTI_PASTE2(a, b) a##b
 #define RTI_PASTE(a, b) RTI_PASTE2(a, b)
@@ -3393,6 +3398,17 @@ RT_API bool rt_occluded(const rt_accel *accel, const rt_ray *ray)
     return hit.prim != RT_NONE;
 }
 
+/* Only RT_KD_BACKTRACK needs them. */
+static bool rti_has_links(const rt_accel *accel, size_t algorithm)
+{
+#if RTI_KDTREE
+    return algorithm != RT_KD_BACKTRACK || accel->kdlinks || !accel->node_count;
+#else
+    (void)accel, (void)algorithm;
+    return true;
+#endif
+}
+
 /* Resolves and checks everything of opt once: the batch function and its job, or an error. RT_AUTO takes the widest packets, which measure
    faster than single rays even on diffuse bounces, and single rays where there are too few for a packet. */
 static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, size_t count, rti_batch_function *batch, rti_job *job)
@@ -3418,15 +3434,15 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
         char list[128] = "";
         size_t used = 0;
         for (i = 0; i < RT_ALGORITHM_COUNT; i++)
-            if (rti_algorithms[i].built && (rti_algorithms[i].structure == accel->structure || i == RT_AUTO))
+            if (rti_algorithms[i].built && (rti_algorithms[i].structure == accel->structure || i == RT_AUTO) && rti_has_links(accel, i))
                 used += (size_t)snprintf(list + used, sizeof list - used, used ? ", %s" : "%s", rti_algorithms[i].name);
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s is for a %s; this accel is a %s and takes: %s", info->name,
                         rti_structure_names[info->structure], rti_structure_names[accel->structure], list);
     }
 #if RTI_KDTREE
-    if (opt->algorithm == RT_KD_BACKTRACK && accel->node_count && !accel->kdlinks)
+    if (!rti_has_links(accel, (size_t)opt->algorithm))
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s needs parent links, which this accel was built without "
-                        "(no_backtrack)", info->name);
+                        "(no_backtrack); the other kd algorithms do not", info->name);
 #endif
     if (opt->short_stack < 0 || opt->short_stack > RT_MAX_SHORT_STACK)
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "short_stack is %d: it must be 0 (as 3) or between 1 and %d entries",
@@ -4651,7 +4667,7 @@ typedef struct {
     int side[3];                                            /* uniform directions: 1 where upper planes are met first */
     bool uniform;
 #if RTI_INSTANCES && RTI_KDTREE
-    uint32_t seen[RTI_SEEN], seen_by[RTI_SEEN];             /* instances of a k-d tree that were traced last, and by which lanes */
+    uint32_t seen[RTI_SEEN], seen_by[RTI_SEEN], next_seen;  /* instances of a k-d tree that were traced last, and by which lanes */
 #endif
 } RTI_ALIGNED(32) rti_packet;
 
@@ -5005,14 +5021,16 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_instances(const rt_accel *accel, rti_pa
         unsigned legal, hit;
         int i, k;
 #if RTI_KDTREE
-        if (slots) {                        /* in several leaves: each ray goes through it once, or nested ones would take ever longer */
-            uint32_t *seen = &p->seen[slot % RTI_SEEN], *by = &p->seen_by[slot % RTI_SEEN];
-            if (*seen == slot) todo &= ~*by;
-            else {
-                *seen = slot;
-                *by = 0;
+        if (slots) {                        /* in several leaves: while it is among the last RTI_SEEN, each ray goes through it once */
+            int at = 0;
+            while (at < RTI_SEEN && p->seen[at] != slot) at++;
+            if (at == RTI_SEEN) {
+                at = p->next_seen++ % RTI_SEEN;
+                p->seen[at] = slot;
+                p->seen_by[at] = 0;
             }
-            *by |= todo;
+            todo &= ~p->seen_by[at];
+            p->seen_by[at] |= todo;
             if (!todo) continue;
         }
 #endif
@@ -5209,7 +5227,10 @@ RTI_NOINLINE RTI_TARGET unsigned rti_kd_begin(const rt_accel *accel, rti_packet 
         bounds[3 + k] = accel->upper[k];
     }
 #if RTI_INSTANCES
-    if (accel->slots[RTI_INSTANCE]) memset(p->seen, 0xff, sizeof p->seen);
+    if (accel->slots[RTI_INSTANCE]) {
+        memset(p->seen, 0xff, sizeof p->seen);
+        p->next_seen = 0;
+    }
 #endif
     at->node = accel->kdnodes;
     return live & rti_hit_box(&s, bounds, rti_vload(p->t), &at->tmin, &at->tmax);
@@ -5399,7 +5420,7 @@ RTI_FN unsigned rti_kd_restart_body(const rt_accel *accel, rti_packet *p, unsign
                 path |= bit;
                 at = second;
             } else {
-                at.node = first.node;
+                at.node = first.node;       /* of this level, where backtracking starts */
                 goto next;
             }
             if (push_down && !open) {
@@ -5432,7 +5453,7 @@ next:
                 bit = (uint64_t)1 << (next - 1);
                 open &= ~bit;
                 path = (path & (bit - 1)) | bit;
-                if (backtrack) {
+                if (backtrack) {            /* lost stays: what waits above is not pushed again */
                     const rti_slabs s = rti_make_slabs(p);
                     uint32_t i = (uint32_t)(at.node - nodes);
                     for (; level >= next; level--) {

@@ -3620,6 +3620,8 @@ static void rtt_test_kd_limits(void)
             if (kind == 0 && start > plain)
                 plain = start;
             rt_get_info(accel, &info);
+            if (kind == 0 && limit >= 1.5 && info.max_leaf > COUNT / 50)    /* small triangles need no more */
+                rtt_fail("limit %g: a leaf of %zu small triangles", limit, info.max_leaf);
             if (info.references < COUNT || (double)info.references > limit * COUNT || info.depth > RTI_MAX_DEPTH
                 || start > 30 * plain + 0.5)
                 rtt_fail("kind %d: %zu references of %d with a limit of %g, depth %d, %g s", kind, info.references, (int)COUNT, limit,
