@@ -1091,9 +1091,9 @@ typedef struct { float lo[3]; uint32_t prim; float hi[3]; uint32_t kind; } rti_r
 #define RTI_CHUNK ((size_t)1 << 15)          /* refs that one call of a parallel_for's body looks at */
 static size_t rti_chunk_total(size_t count) { return (count + RTI_CHUNK - 1) / RTI_CHUNK; }
 
-static void rti_for(const rt_build_options *opt, size_t count, void (*body)(void *context, size_t index), void *context)
+static void rti_for(rt_parallel_for parallel_for, void *user, size_t count, void (*body)(void *context, size_t index), void *context)
 {
-    if (opt->parallel_for && count > 1) opt->parallel_for(opt->parallel_user, count, body, context);
+    if (parallel_for && count > 1) parallel_for(user, count, body, context);
     else {
         size_t i;
         for (i = 0; i < count; i++) body(context, i);
@@ -1143,7 +1143,7 @@ static rt_status rti_gather_refs(rt_accel *accel, const rt_geometry *geo, const 
     else {
         gather.bad_count = gather.bad + chunks;
         gather.left_out = gather.bad_count + chunks;
-        rti_for(opt, chunks, rti_gather_chunk, &gather);
+        rti_for(opt->parallel_for, opt->parallel_user, chunks, rti_gather_chunk, &gather);
         for (i = 0; i < chunks && status == RT_OK; i++) {
             if (gather.bad[i] < total && !opt->skip_invalid) status = rti_bad_prim(opt->error, geo, gather.bad[i]);
             accel->skipped += gather.bad_count[i];
@@ -1380,7 +1380,7 @@ static void rti_partition_chunks(rti_builder *b, const rti_work *work, const rti
     b->work = work;
     b->binning = binning;
     b->split = split;
-    rti_for(b->opt, chunks, rti_chunk_count, b);
+    rti_for(b->opt->parallel_for, b->opt->parallel_user, chunks, rti_chunk_count, b);
     centroids[0] = centroids[1] = rti_empty_box;
     for (i = 0; i < chunks; i++) {
         rti_chunk *chunk = &b->chunks[i];
@@ -1392,8 +1392,8 @@ static void rti_partition_chunks(rti_builder *b, const rti_work *work, const rti
         left += lefts;
         right += count - lefts;
     }
-    rti_for(b->opt, chunks, rti_chunk_scatter, b);
-    rti_for(b->opt, chunks, rti_chunk_copy, b);
+    rti_for(b->opt->parallel_for, b->opt->parallel_user, chunks, rti_chunk_scatter, b);
+    rti_for(b->opt->parallel_for, b->opt->parallel_user, chunks, rti_chunk_copy, b);
 }
 
 static void rti_bounds_of(const rti_ref *refs, size_t count, rti_box *box, rti_box *centroids)
@@ -1439,7 +1439,7 @@ static bool rti_split_node(rti_builder *b, const rti_work *work, bool chunked, r
             size_t i, chunks = rti_chunk_total(work->count);
             b->work = work;
             b->binning = &binning;
-            rti_for(b->opt, chunks, rti_chunk_bin, b);
+            rti_for(b->opt->parallel_for, b->opt->parallel_user, chunks, rti_chunk_bin, b);
             all = &b->chunks[0].bins;
             for (i = 1; i < chunks; i++) rti_bins_merge(all, &b->chunks[i].bins, b->bins);
         } else {
@@ -1516,7 +1516,7 @@ static void rti_build_tree(rti_builder *b, const rti_work *root)
             stack[top++] = parts[0];
         }
         if (b->task_count == b->task_limit || !top) {                   /* bounded memory: at most task_limit wait */
-            rti_for(b->opt, b->task_count, rti_build_task, b);
+            rti_for(b->opt->parallel_for, b->opt->parallel_user, b->task_count, rti_build_task, b);
             b->task_count = 0;
         }
     }
@@ -1756,7 +1756,7 @@ static bool rti_fill_slots(rt_accel *accel, const rt_geometry *geo, const rt_bui
         rti_fill fill;
         fill.accel = accel;
         fill.geo = geo;
-        rti_for(opt, rti_chunk_total(accel->slots[RTI_TRIANGLE]), rti_fill_chunk, &fill);
+        rti_for(opt->parallel_for, opt->parallel_user, rti_chunk_total(accel->slots[RTI_TRIANGLE]), rti_fill_chunk, &fill);
     }
     return true;
 }
@@ -1824,14 +1824,12 @@ out:
 #define RTI_KD_BINS  32
 #define RTI_KD_FEW   64                     /* the most refs for which every plane is tried, at any quality */
 
-typedef struct { float lo[4], hi[4]; } rti_kdcell;                  /* the fourth lanes are 0 */
-
 typedef struct {
     rti_ref *refs;
     size_t count, budget;
     uint32_t node;                          /* where it goes */
     int depth;
-    rti_kdcell cell;
+    rti_box cell;
 } rti_kdwork;
 
 typedef struct { int axis; float at, cost; bool planar_left; } rti_kdplane;    /* planar_left: where primitives in the plane go */
@@ -1875,7 +1873,7 @@ typedef struct {
 /* ---- the best plane */
 
 /* False: the cell is a point. Flat cells count as a little thick, since areas say nothing about them. */
-static bool rti_kd_cost(const rti_kdbuilder *b, const rti_kdcell *cell, rti_kdcost *cost)
+static bool rti_kd_cost(const rti_kdbuilder *b, const rti_box *cell, rti_kdcost *cost)
 {
     double d[3], most = 0, area;
     int k;
@@ -1904,7 +1902,7 @@ RTI_INLINE float rti_kd_price(const rti_kdcost *c, int axis, float x, float left
     return c->traversal + (left > 0 && right > 0 ? price : price * c->bonus);
 }
 
-RTI_INLINE void rti_kd_offer(rti_kdplane *best, const rti_kdcost *cost, const rti_kdcell *cell, int axis, float at, float left,
+RTI_INLINE void rti_kd_offer(rti_kdplane *best, const rti_kdcost *cost, const rti_box *cell, int axis, float at, float left,
                              float right, bool planar_left)
 {
     float price;
@@ -1920,7 +1918,7 @@ RTI_INLINE void rti_kd_offer(rti_kdplane *best, const rti_kdcost *cost, const rt
 }
 
 /* A plane in the cell's lower (0) or upper (1) wall cuts off a flat cell with what lies in that wall. */
-RTI_INLINE void rti_kd_offer_wall(rti_kdplane *best, const rti_kdcost *cost, const rti_kdcell *cell, int axis, int wall, float in_wall,
+RTI_INLINE void rti_kd_offer_wall(rti_kdplane *best, const rti_kdcost *cost, const rti_box *cell, int axis, int wall, float in_wall,
                                   float others)
 {
     float price;
@@ -2022,7 +2020,7 @@ RTI_INLINE int rti_kd_bin_of(const rti_kdgrid *grid, int axis, float x)
     return bin < 0 ? 0 : bin < RTI_KD_BINS ? bin : RTI_KD_BINS - 1;
 }
 
-static rti_kdgrid rti_kd_make_grid(const rti_kdcell *cell)
+static rti_kdgrid rti_kd_make_grid(const rti_box *cell)
 {
     rti_kdgrid grid;
     int k;
@@ -2212,7 +2210,7 @@ static bool rti_kd_plane(const rti_kdbuilder *b, const rti_kdwork *w, rti_kdbuil
         if (chunked) {
             chunked->work = w;
             chunked->grid = &grid;
-            rti_for(b->opt, chunks, rti_kd_chunk_count, chunked);
+            rti_for(b->opt->parallel_for, b->opt->parallel_user, chunks, rti_kd_chunk_count, chunked);
             bins = b->chunks[0].bins;
             for (i = 1; i < chunks; i++)
                 for (axis = 0; axis < 3; axis++) {
@@ -2233,7 +2231,7 @@ static bool rti_kd_plane(const rti_kdbuilder *b, const rti_kdwork *w, rti_kdbuil
         if (chunked) {
             chunked->axis = axis;
             chunked->bin = bin;
-            rti_for(b->opt, chunks, rti_kd_chunk_fine, chunked);
+            rti_for(b->opt->parallel_for, b->opt->parallel_user, chunks, rti_kd_chunk_fine, chunked);
             memcpy(fine, b->chunks[0].fine, sizeof fine);
             for (i = 1; i < chunks; i++)
                 for (k = 0; k < RTI_KD_BINS; k++) rti_kd_merge_fine(&fine[k], &b->chunks[i].fine[k]);
@@ -2302,7 +2300,7 @@ static bool rti_kd_half(const rti_kdpoint *corners, int n, int axis, double at, 
    cell, then to either side. Where a clipped corner is, double arithmetic knows to about 2^-50 of the largest coordinate; every plane is
    moved out by 2^-40 of it, so what is found contains what is there, and as boxes are cut at the cell's own planes again, no more. A
    ball is cut as its box; a side that its surface does not reach is left out, with room for rounding likewise. */
-static int rti_kd_clip(const rt_geometry *geo, const rti_kdcell *cell, const rti_kdplane *plane, const rti_ref *ref, rti_ref sides[2])
+static int rti_kd_clip(const rt_geometry *geo, const rti_box *cell, const rti_kdplane *plane, const rti_ref *ref, rti_ref sides[2])
 {
     const int axis = plane->axis;
     int side, k, left = 0;
@@ -2359,7 +2357,7 @@ static int rti_kd_clip(const rt_geometry *geo, const rti_kdcell *cell, const rti
 }
 
 /* Distributes refs over both sides; rights may be where refs are, since it never overtakes them. Stable. */
-static void rti_kd_partition(const rt_geometry *geo, const rti_kdcell *cell, const rti_kdplane *plane, const rti_ref *refs, size_t count,
+static void rti_kd_partition(const rt_geometry *geo, const rti_box *cell, const rti_kdplane *plane, const rti_ref *refs, size_t count,
                              rti_ref *lefts, rti_ref *rights, size_t *left_count, size_t *right_count)
 {
     const int axis = plane->axis;
@@ -2508,7 +2506,7 @@ static bool rti_kd_new_block(rti_kdbuilder *b, uint32_t node, size_t nodes, size
 static bool rti_kd_run_lanes(rti_kdbuilder *b, size_t count)
 {
     size_t i;
-    rti_for(b->opt, count, rti_kd_run_lane, b);
+    rti_for(b->opt->parallel_for, b->opt->parallel_user, count, rti_kd_run_lane, b);
     for (i = 0; i < count; i++) {
         rti_kdlane *lane = &b->lanes[i];
         rti_kdblock *block;
@@ -2540,7 +2538,7 @@ static bool rti_kd_split(rti_kdbuilder *b, rti_kdwork *w, const rti_kdplane *pla
     size_t i, left = 0, right = 0;
     b->work = w;
     b->plane = plane;
-    rti_for(b->opt, chunks, rti_kd_chunk_partition, b);
+    rti_for(b->opt->parallel_for, b->opt->parallel_user, chunks, rti_kd_chunk_partition, b);
     for (i = 0; i < chunks; i++) {
         left += b->chunks[i].left;
         right += b->chunks[i].right;
@@ -2736,7 +2734,6 @@ static rt_status rti_build_kdtree(rt_accel *accel, const rt_geometry *geo, const
     rti_kdwork root;
     rt_status status = RT_ERROR_MEMORY;
     size_t i;
-    int k;
 
     memset(&b, 0, sizeof b);
     memset(&root, 0, sizeof root);
@@ -2752,15 +2749,8 @@ static rt_status rti_build_kdtree(rt_accel *accel, const rt_geometry *geo, const
     root.budget = (size_t)(duplication * (double)count);
     if (root.budget > RTI_MAX_REFERENCES) root.budget = count > RTI_MAX_REFERENCES ? count : RTI_MAX_REFERENCES;
     *refs = NULL;
-    for (k = 0; k < 3; k++) {
-        root.cell.lo[k] = RTI_INFINITY;
-        root.cell.hi[k] = -RTI_INFINITY;
-    }
-    for (i = 0; i < count; i++)
-        for (k = 0; k < 3; k++) {
-            if (root.refs[i].lo[k] < root.cell.lo[k]) root.cell.lo[k] = root.refs[i].lo[k];
-            if (root.refs[i].hi[k] > root.cell.hi[k]) root.cell.hi[k] = root.refs[i].hi[k];
-        }
+    root.cell = rti_empty_box;
+    for (i = 0; i < count; i++) rti_box_grow(&root.cell, root.refs[i].lo, root.refs[i].hi);
     memcpy(accel->lower, root.cell.lo, sizeof accel->lower);
     memcpy(accel->upper, root.cell.hi, sizeof accel->upper);
 
@@ -3850,10 +3840,6 @@ static rt_status rti_raster_sort(rti_sorter *s, const rt_raster_options *opt)
     const rt_geometry *geo = &r->accel.geo;
     void *user = opt->memory_user;
     size_t chunks = rti_chunk_total(s->total), i, g, next = 0;
-    rt_build_options loop;
-    memset(&loop, 0, sizeof loop);
-    loop.parallel_for = opt->parallel_for;
-    loop.parallel_user = opt->parallel_user;
     r->spans = (rti_span *)rti_alloc(s->total, sizeof(rti_span), user);
     s->bad = (size_t *)rti_alloc(chunks, 3 * sizeof(size_t), user);
     if (!r->spans || !s->bad) return RT_ERROR_MEMORY;
@@ -3866,7 +3852,7 @@ static rt_status rti_raster_sort(rti_sorter *s, const rt_raster_options *opt)
         r->info.bytes += geo->instance_count * sizeof(rti_instance);
     }
 #endif
-    rti_for(&loop, chunks, rti_see_chunk, s);
+    rti_for(opt->parallel_for, opt->parallel_user, chunks, rti_see_chunk, s);
     for (i = 0; i < chunks; i++) {
         if (s->bad[i] < s->total && !opt->skip_invalid) return rti_bad_prim(opt->error, geo, s->bad[i]);
         r->info.skipped += s->bad_count[i];
@@ -3879,7 +3865,7 @@ static rt_status rti_raster_sort(rti_sorter *s, const rt_raster_options *opt)
     r->starts = (uint32_t *)rti_alloc(s->tiles + 1, sizeof(uint32_t), user);
     s->counts = (uint32_t *)rti_alloc(s->tiles, s->groups * sizeof(uint32_t), user);
     if (!r->starts || !s->counts) return RT_ERROR_MEMORY;
-    rti_for(&loop, s->groups, rti_count_group, s);
+    rti_for(opt->parallel_for, opt->parallel_user, s->groups, rti_count_group, s);
     for (i = 0; i < s->tiles; i++) {        /* at most 4 * RT_MAX_PRIMITIVES entries: they fit in 32 bits */
         r->starts[i] = (uint32_t)next;
         for (g = 0; g < s->groups; g++) {
@@ -3891,7 +3877,7 @@ static rt_status rti_raster_sort(rti_sorter *s, const rt_raster_options *opt)
     r->starts[i] = (uint32_t)next;
     r->entries = (uint32_t *)rti_alloc(next, sizeof(uint32_t), user);
     if (!r->entries) return RT_ERROR_MEMORY;
-    rti_for(&loop, s->groups, rti_list_group, s);
+    rti_for(opt->parallel_for, opt->parallel_user, s->groups, rti_list_group, s);
     r->info.tiles = s->tiles;
     r->info.entries = next;
     r->info.bytes += s->total * sizeof(rti_span) + (s->tiles + 1 + next) * sizeof(uint32_t);
@@ -4077,7 +4063,6 @@ RT_API rt_status rt_rasterize(const rt_geometry *geo, const rt_camera *camera, i
     rt_raster *r;
     rt_status status;
     rti_squares s;
-    rt_build_options loop;
     if (!opt) {
         memset(&defaults, 0, sizeof defaults);
         opt = &defaults;
@@ -4089,10 +4074,8 @@ RT_API rt_status rt_rasterize(const rt_geometry *geo, const rt_camera *camera, i
     s.dy = 0.5f + opt->offset_y;
     s.hits = hits;
     s.columns = (width + RTI_SQUARE - 1) / RTI_SQUARE;
-    memset(&loop, 0, sizeof loop);
-    loop.parallel_for = opt->parallel_for;
-    loop.parallel_user = opt->parallel_user;
-    rti_for(&loop, (size_t)s.columns * (size_t)((height + RTI_SQUARE - 1) / RTI_SQUARE), rti_cover_square, &s);
+    rti_for(opt->parallel_for, opt->parallel_user, (size_t)s.columns * (size_t)((height + RTI_SQUARE - 1) / RTI_SQUARE), rti_cover_square,
+            &s);
     rt_raster_free(r);
     return RT_OK;
 }
