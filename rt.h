@@ -406,10 +406,15 @@ RT_API rt_status rt_rasterize(const rt_geometry *geo, const rt_camera *camera, i
 
 /* ---- >>shading-api -------------------------------------------------------------------------------------------------- */
 
-/* Phong. Colours are linear RGB, reflectances in [0,1]. */
+/* Phong's shading and Whitted's secondary rays. Colours are linear RGB, reflectances in [0,1]. */
 typedef struct {
     rt_vec3 diffuse, specular, emission;
     float shininess;                        /* exponent of the highlight */
+    rt_vec3 reflect;                        /* what of the light from the mirrored direction is seen; 0: no mirror */
+    rt_vec3 transmit;                       /* what of the light from behind is seen, refracted; 0: opaque */
+    rt_vec3 absorb;                         /* inside, light is weakened by exp(-absorb * length) */
+    float ior;                              /* index of refraction of the inside against the outside; 0 = 1: nothing is bent */
+    bool fresnel;                           /* transmit is split between both ways by Fresnel's equations */
 } rt_material;
 
 typedef struct { rt_vec3 position, color; } rt_light;               /* a point; no falloff, as in Phong's model */
