@@ -126,6 +126,8 @@
 #define RT_MAX_NESTING    8                 /* levels of instances below the accel that is traced */
 #define RT_MAX_PRIMITIVES 0x0fffffffu       /* triangles, spheres and instances of one accel together */
 #define RT_MAX_SHORT_STACK 32               /* entries of RT_KD_SHORTSTACK */
+#define RT_MAX_PACKET     32                /* rays a side of a large packet */
+#define RT_DEPTHS         65                /* depths that a node of a tree can have */
 
 typedef struct { float x, y, z; } rt_vec3;
 typedef struct { rt_vec3 org; float tmin; rt_vec3 dir; float tmax; } rt_ray;    /* 32 bytes */
@@ -310,6 +312,8 @@ typedef struct {
     uint64_t restarts;                      /* k-d tree restarts */
     uint64_t pushes, drops;                 /* stack entries pushed, and lost from a full short stack */
     uint64_t steps, active;                 /* packet node visits, and live rays summed over them: active / steps a visit */
+    uint64_t frusta, culled;                /* boxes and triangles tested against the frustum of a large packet, and those thrown out */
+    uint64_t boxes_at[RT_DEPTHS], prims_at[RT_DEPTHS];      /* large packets: boxes and prims by the depth of their node in its tree */
 } rt_stats;
 #endif
 
@@ -538,14 +542,23 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define RTI_NOINLINE static __attribute__((noinline, unused))
 #define RTI_ALIGNED(n) __attribute__((aligned(n)))
 #define RTI_UNLIKELY(x) __builtin_expect(!!(x), 0)
+#define RTI_PREFETCH(p) __builtin_prefetch(p, 0, 3)
 #define RTI_PRINTF(text, first) __attribute__((format(printf, text, first)))
 #else
 #define RTI_INLINE static __forceinline
 #define RTI_NOINLINE static __declspec(noinline)
 #define RTI_ALIGNED(n) __declspec(align(n))
 #define RTI_UNLIKELY(x) (x)
+#define RTI_PREFETCH(p) ((void)(p))
 #define RTI_PRINTF(text, first)
 #pragma fp_contract(off)
+#endif
+
+/* Before a short loop of constant length: at -O2 gcc else keeps it a loop, and the arrays of vectors that it runs over in memory. */
+#if defined(__GNUC__) && !defined(__clang__)
+#define RTI_UNROLL _Pragma("GCC unroll 8")
+#else
+#define RTI_UNROLL
 #endif
 
 /* rti_round*(x) is x, rounded: it keeps the compiler from contracting a product with the sum that takes it into one fma, which gcc and
@@ -695,7 +708,7 @@ enum { RTI_TRIANGLE, RTI_SPHERE, RTI_INSTANCE, RTI_KINDS };
 #define RTI_COUNT_MASK 0x0fffffffu
 #define RTI_KIND_SHIFT 28
 #define RTI_MAX_PRIMS ((size_t)RT_MAX_PRIMITIVES)   /* 2 n - 1 nodes fit in 32 bits */
-#define RTI_MAX_DEPTH 64                    /* edges; a traversal stack holds at most one entry a level */
+#define RTI_MAX_DEPTH (RT_DEPTHS - 1)       /* edges; a traversal stack holds at most one entry a level */
 #define RTI_MAX_LEAF 8                      /* primitives: what is more is split, by halving where SAH finds no plane */
 
 typedef struct { float bounds[6]; uint32_t index, count; } rti_node;
@@ -3135,6 +3148,9 @@ typedef struct {
     rt_stats *stats;                        /* NULL: nothing is counted */
     rt_algorithm algorithm;                 /* of RT_KDTREE: how its trees are walked */
     int entries;                            /* of the short stack */
+    rt_algorithm large;                     /* of large packets: how BVHs are walked, */
+    int side;                               /* rays a side, */
+    rt_cull cull;                           /* and by what they are culled */
 } rti_job;
 
 typedef void (*rti_batch_function)(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits);
@@ -3144,13 +3160,6 @@ static void rti_set_miss(rt_hit *hit)
     hit->t = RTI_INFINITY;
     hit->u = hit->v = 0;
     hit->prim = hit->inst = RT_NONE;
-}
-
-static void rti_set_any(rt_hit *hit)        /* the same from every algorithm, whichever hit it met first */
-{
-    hit->t = hit->u = hit->v = 0;
-    hit->prim = 0;
-    hit->inst = RT_NONE;
 }
 
 /* The i-th primitive of a leaf: i itself, or what slots says; see rti_kdnode. */
@@ -3316,9 +3325,11 @@ RTI_INLINE double rti_drift(const rti_lens *lens, double reach) { return (reach 
 
 /* The code behind RT_ALGORITHM_LIST: which of them are built, and from which widths. */
 static const rt_algorithm_info rti_algorithms[] = {
-#define RTI_BUILT(a) ((a) == RT_AUTO || (a) == RT_BVH_STACK || (RTI_PACKETS && (a) == RT_BVH_SIMD) || \
+#define RTI_LARGE(a) (RTI_PACKETS && (a) >= RT_BVH_MASKED && (a) <= RT_BVH_PARTITION)
+#define RTI_BUILT(a) ((a) == RT_AUTO || (a) == RT_BVH_STACK || (RTI_PACKETS && (a) == RT_BVH_SIMD) || RTI_LARGE(a) || \
                       (RTI_KDTREE && (a) >= RT_KD_STACK && (a) <= RT_KD_BACKTRACK))
-#define RTI_PACKET(a) (RTI_PACKETS && ((a) == RT_AUTO || (a) == RT_BVH_SIMD || (RTI_KDTREE && (a) >= RT_KD_STACK && (a) < RT_KD_BACKTRACK)))
+#define RTI_PACKET(a) (RTI_PACKETS && ((a) == RT_AUTO || (a) == RT_BVH_SIMD || RTI_LARGE(a) || \
+                                       (RTI_KDTREE && (a) >= RT_KD_STACK && (a) < RT_KD_BACKTRACK)))
 #define RTI_ROW(name, text, structure, what) { text, what, name, structure, RTI_BUILT(name), RTI_PACKET(name) },
     RT_ALGORITHM_LIST(RTI_ROW)
 };
@@ -3337,7 +3348,8 @@ RT_API rt_isa rt_best_isa(void)
 /* The batch function for width rays side by side, in the rt_packet_widths sense; NULL: not on this processor or with this isa. */
 static rti_batch_function rti_batch_of(rt_algorithm algorithm, int width, rt_isa isa)
 {
-    bool single = algorithm != RT_BVH_SIMD && rti_algorithms[algorithm].built, packet = rti_algorithms[algorithm].packets;
+    const bool large = RTI_LARGE(algorithm), single = algorithm != RT_BVH_SIMD && !large && rti_algorithms[algorithm].built;
+    const bool packet = rti_algorithms[algorithm].packets && !large;
     if (isa == RT_ISA_AUTO) isa = rt_best_isa();
 #if RTI_X86 && !RTI_MSVC
     if (single && width == 1 && isa == RT_ISA_AVX2) return rti_batch_1_avx2;
@@ -3347,15 +3359,17 @@ static rti_batch_function rti_batch_of(rt_algorithm algorithm, int width, rt_isa
     if (packet && width == 2) return rti_batch_4;
 #if RTI_X86
     if (packet && width == 8 && isa == RT_ISA_AVX2) return rti_batch_8;
+    if (large && isa == RT_ISA_AVX2) return width == 32 ? rti_batch_largest_8 : width == 4 || width == 8 || width == 16 ? rti_batch_large_8 : NULL;
 #endif
+    if (large) return width == 32 ? rti_batch_largest_4 : width == 4 || width == 8 || width == 16 ? rti_batch_large_4 : NULL;
 #endif
-    (void)packet;
+    (void)packet, (void)large;
     return NULL;
 }
 
 static size_t rti_widths(rt_algorithm algorithm, rt_isa isa, int *widths, size_t max)
 {
-    static const int all[] = { 1, 2, 8 };
+    static const int all[] = { 1, 2, 4, 8, 16, RT_MAX_PACKET };
     size_t i, n = 0;
     for (i = 0; i < sizeof all / sizeof all[0]; i++)
         if (rti_batch_of(algorithm, all[i], isa)) {
@@ -3380,14 +3394,14 @@ RT_API const char *rt_status_string(rt_status status)
 
 RT_API bool rt_intersect(const rt_accel *accel, const rt_ray *ray, rt_hit *hit)
 {
-    static const rti_job job = { RT_CLOSEST, NULL, RT_KD_STACK, 0 };
+    static const rti_job job = { RT_CLOSEST, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE };
     rti_batch_of(RT_AUTO, 1, RT_ISA_AUTO)(accel, &job, ray, 1, hit);
     return hit->prim != RT_NONE;
 }
 
 RT_API bool rt_occluded(const rt_accel *accel, const rt_ray *ray)
 {
-    static const rti_job job = { RT_ANY, NULL, RT_KD_STACK, 0 };
+    static const rti_job job = { RT_ANY, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE };
     rt_hit hit;
     rti_batch_of(RT_AUTO, 1, RT_ISA_AUTO)(accel, &job, ray, 1, &hit);
     return hit.prim != RT_NONE;
@@ -3442,14 +3456,14 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
     if (opt->short_stack < 0 || opt->short_stack > RT_MAX_SHORT_STACK)
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "short_stack is %d: it must be 0 (as 3) or between 1 and %d entries",
                         opt->short_stack, RT_MAX_SHORT_STACK);
-    if (opt->cull != RT_CULL_NONE)
+    if (opt->cull != RT_CULL_NONE && !RTI_LARGE(opt->algorithm))
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s has no frustum to cull with: cull must be none", info->name);
     has_isa = RTI_X86 ? opt->isa != RT_ISA_SCALAR && (opt->isa != RT_ISA_AVX2 || rt_best_isa() == RT_ISA_AVX2)
                       : opt->isa == RT_ISA_AUTO || opt->isa == RT_ISA_SCALAR;
     if (!has_isa)
         return rti_fail(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "isa %s is not built or not on this processor", isas[opt->isa]);
     n = rti_widths(opt->algorithm, opt->isa, widths, 8);
-    width = opt->packet_width ? opt->packet_width : opt->algorithm == RT_AUTO && count < 4 ? 1 : widths[n - 1];
+    width = opt->packet_width ? opt->packet_width : RTI_LARGE(opt->algorithm) ? 16 : opt->algorithm == RT_AUTO && count < 4 ? 1 : widths[n - 1];
     *batch = rti_batch_of(opt->algorithm, width, opt->isa);
     if (!*batch) {
         char list[64];
@@ -3466,6 +3480,9 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
 #endif
     job->algorithm = info->structure == RT_KDTREE ? opt->algorithm : RT_KD_STACK;
     job->entries = job->algorithm != RT_KD_SHORTSTACK ? 0 : opt->short_stack ? opt->short_stack : 3;
+    job->large = opt->algorithm;
+    job->side = width;
+    job->cull = opt->cull;
     return RT_OK;
 }
 
@@ -4341,7 +4358,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 /* ---- >>wide --------------------------------------------------------------------------------------------------------- */
 
 /* v: RTI_WIDTH floats; d: RTI_WIDTH doubles; a set of lanes is an unsigned, bit i for lane i. vmin and vmax answer the second operand
-   where either is NaN. Every name gets the pass's suffix, so a profile shows which one ran. */
+   where either is NaN; vfma, a * b + c, may round once or twice: it is not for what must agree. Every name gets the pass's suffix, so a profile shows which one ran. */
 #define RTI_NAME_(name) RTI_PASTE(name, RTI_SUFFIX)
 #define rti_v RTI_NAME_(rti_v)
 #define rti_d RTI_NAME_(rti_d)
@@ -4377,6 +4394,9 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_narrow RTI_NAME_(rti_narrow)
 #define rti_packet RTI_NAME_(rti_packet)
 #define rti_load_rays RTI_NAME_(rti_load_rays)
+#define rti_orient RTI_NAME_(rti_orient)
+#define rti_least RTI_NAME_(rti_least)
+#define rti_invert_dir RTI_NAME_(rti_invert_dir)
 #define rti_prepare RTI_NAME_(rti_prepare)
 #define rti_slab RTI_NAME_(rti_slab)
 #define rti_make_slab RTI_NAME_(rti_make_slab)
@@ -4389,8 +4409,14 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_edge_exact RTI_NAME_(rti_edge_exact)
 #define rti_product RTI_NAME_(rti_product)
 #define rti_dot_exact RTI_NAME_(rti_dot_exact)
+#define rti_shear RTI_NAME_(rti_shear)
+#define rti_make_shear RTI_NAME_(rti_make_shear)
+#define rti_corners RTI_NAME_(rti_corners)
+#define rti_hit_triangle RTI_NAME_(rti_hit_triangle)
 #define rti_hit_triangles RTI_NAME_(rti_hit_triangles)
 #define rti_hit_spheres RTI_NAME_(rti_hit_spheres)
+#define rti_enter_instance RTI_NAME_(rti_enter_instance)
+#define rti_leave_instance RTI_NAME_(rti_leave_instance)
 #define rti_hit_instances RTI_NAME_(rti_hit_instances)
 #define rti_hit_leaf RTI_NAME_(rti_hit_leaf)
 #define rti_walk_body RTI_NAME_(rti_walk_body)
@@ -4423,6 +4449,51 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_kd_stack_closest_all RTI_NAME_(rti_kd_stack_closest_all)
 #define rti_kd_stack_any_all RTI_NAME_(rti_kd_stack_any_all)
 #define rti_kd_walk RTI_NAME_(rti_kd_walk)
+#define rti_vfma RTI_NAME_(rti_vfma)
+#define rti_frustum RTI_NAME_(rti_frustum)
+#define rti_large RTI_NAME_(rti_large)
+#define rti_door RTI_NAME_(rti_door)
+#define rti_make_door RTI_NAME_(rti_make_door)
+#define rti_pass RTI_NAME_(rti_pass)
+#define rti_stretch_lanes RTI_NAME_(rti_stretch_lanes)
+#define rti_range RTI_NAME_(rti_range)
+#define rti_no_range RTI_NAME_(rti_no_range)
+#define rti_range_add RTI_NAME_(rti_range_add)
+#define rti_prepare_shared RTI_NAME_(rti_prepare_shared)
+#define rti_survey_slopes RTI_NAME_(rti_survey_slopes)
+#define rti_bound_general RTI_NAME_(rti_bound_general)
+#define rti_make_frustum RTI_NAME_(rti_make_frustum)
+#define rti_cull_box RTI_NAME_(rti_cull_box)
+#define rti_facets RTI_NAME_(rti_facets)
+#define rti_edges RTI_NAME_(rti_edges)
+#define rti_between_planes RTI_NAME_(rti_between_planes)
+#define rti_hit_facets RTI_NAME_(rti_hit_facets)
+#define rti_note RTI_NAME_(rti_note)
+#define rti_count_rays RTI_NAME_(rti_count_rays)
+#define rti_large_triangles RTI_NAME_(rti_large_triangles)
+#define rti_large_instances RTI_NAME_(rti_large_instances)
+#define rti_large_leaf RTI_NAME_(rti_large_leaf)
+#define rti_ask RTI_NAME_(rti_ask)
+#define rti_beside RTI_NAME_(rti_beside)
+#define rti_first_hit RTI_NAME_(rti_first_hit)
+#define rti_last_hit RTI_NAME_(rti_last_hit)
+#define rti_part_rays RTI_NAME_(rti_part_rays)
+#define rti_mask_rays RTI_NAME_(rti_mask_rays)
+#define rti_large_body RTI_NAME_(rti_large_body)
+#define rti_walk_masked RTI_NAME_(rti_walk_masked)
+#define rti_walk_ranged RTI_NAME_(rti_walk_ranged)
+#define rti_walk_partition RTI_NAME_(rti_walk_partition)
+#define rti_walk_masked_count RTI_NAME_(rti_walk_masked_count)
+#define rti_walk_ranged_count RTI_NAME_(rti_walk_ranged_count)
+#define rti_walk_partition_count RTI_NAME_(rti_walk_partition_count)
+#define rti_close_lanes RTI_NAME_(rti_close_lanes)
+#define rti_large_walk RTI_NAME_(rti_large_walk)
+#define rti_take_rays RTI_NAME_(rti_take_rays)
+#define rti_give_hits RTI_NAME_(rti_give_hits)
+#define rti_fetch RTI_NAME_(rti_fetch)
+#define rti_batch_packets RTI_NAME_(rti_batch_packets)
+#define rti_batch_large RTI_NAME_(rti_batch_large)
+#define rti_batch_largest RTI_NAME_(rti_batch_largest)
 #define rti_batch RTI_NAME_(rti_batch)
 #define rti_triangles_from_eye RTI_NAME_(rti_triangles_from_eye)
 #define rti_wide_row RTI_NAME_(rti_wide_row)
@@ -4502,6 +4573,7 @@ RTI_FN unsigned rti_vnegative(rti_v a) { uint32_t bits[RTI_WIDTH]; memcpy(bits, 
 RTI_FN rti_v rti_vselect(unsigned lanes, rti_v a, rti_v b) { RTI_EACH(rti_v, lanes >> i & 1 ? a.f[i] : b.f[i]); }
 RTI_FN rti_v rti_vround(rti_v a) { RTI_EACH(rti_v, rti_roundf(a.f[i])); }
 RTI_FN rti_v rti_vplane(float plane, rti_v org, rti_v rdir) { RTI_EACH(rti_v, (plane - org.f[i]) * rdir.f[i]); }
+RTI_FN rti_v rti_vfma(rti_v a, rti_v b, rti_v c) { RTI_EACH(rti_v, a.f[i] * b.f[i] + c.f[i]); }
 RTI_FN rti_d rti_dset(double x) { RTI_EACH(rti_d, x); }
 RTI_FN rti_d rti_dload(const double *p) { RTI_EACH(rti_d, p[i]); }
 RTI_FN void rti_dstore(double *p, rti_d a) { memcpy(p, a.f, sizeof a.f); }
@@ -4546,6 +4618,7 @@ RTI_FN rti_v rti_vselect(unsigned lanes, rti_v a, rti_v b)
 }
 RTI_FN rti_v rti_vround(rti_v a) { RTI_ROUND(a); return a; }
 RTI_FN rti_v rti_vplane(float plane, rti_v org, rti_v rdir) { return _mm_mul_ps(_mm_sub_ps(_mm_set1_ps(plane), org), rdir); }
+RTI_FN rti_v rti_vfma(rti_v a, rti_v b, rti_v c) { return _mm_add_ps(_mm_mul_ps(a, b), c); }
 RTI_FN rti_d rti_dset(double x) { RTI_BOTH(_mm_set1_pd(x), _mm_set1_pd(x)); }
 RTI_FN rti_d rti_dload(const double *p) { RTI_BOTH(_mm_loadu_pd(p), _mm_loadu_pd(p + 2)); }
 RTI_FN void rti_dstore(double *p, rti_d a) { _mm_storeu_pd(p, a.lo); _mm_storeu_pd(p + 2, a.hi); }
@@ -4603,6 +4676,7 @@ RTI_FN rti_v rti_vselect(unsigned lanes, rti_v a, rti_v b)
 }
 RTI_FN rti_v rti_vround(rti_v a) { RTI_ROUND(a); return a; }
 RTI_FN rti_v rti_vplane(float plane, rti_v org_rdir, rti_v rdir) { return _mm256_fmsub_ps(_mm256_set1_ps(plane), rdir, org_rdir); }
+RTI_FN rti_v rti_vfma(rti_v a, rti_v b, rti_v c) { return _mm256_fmadd_ps(a, b, c); }
 RTI_FN rti_d rti_dset(double x) { RTI_BOTH(_mm256_set1_pd(x), _mm256_set1_pd(x)); }
 RTI_FN rti_d rti_dload(const double *p) { RTI_BOTH(_mm256_loadu_pd(p), _mm256_loadu_pd(p + 4)); }
 RTI_FN void rti_dstore(double *p, rti_d a) { _mm256_storeu_pd(p, a.lo); _mm256_storeu_pd(p + 4, a.hi); }
@@ -4641,29 +4715,39 @@ RTI_FN rti_d rti_product(rti_d a, rti_d b)
 
 /* ---- >>boxes -------------------------------------------------------------------------------------------------------- */
 
-/* RTI_WIDTH rays side by side, what traversal needs of them, and their hits so far. */
+/* RTI_WIDTH rays side by side, what traversal needs of them, and their hits so far. Large packets hold many: what box tests read comes first,
+   what few tests read last. */
 typedef struct {
-    float org[3][RTI_WIDTH], dir[3][RTI_WIDTH], tmin[RTI_WIDTH];
-    float t[RTI_WIDTH], u[RTI_WIDTH], v[RTI_WIDTH];         /* t starts as tmax */
-    union { uint32_t id[RTI_WIDTH]; float bits[RTI_WIDTH]; } prim, inst;   /* bits: to select them like floats */
     float rdir[3][RTI_WIDTH];                               /* 1 / dir, bounded */
-    float plane[2][3][RTI_WIDTH];                           /* org as rti_vplane wants it, padded, for lower and upper planes */
+    float tmin[RTI_WIDTH], t[RTI_WIDTH];                    /* t: of the hit; starts as tmax */
+#if RTI_WIDTH > 1
+    float slope[2][RTI_WIDTH];                              /* of large packets: dir along u and v, over dir along k */
+#endif
     float shear[2][RTI_WIDTH];                              /* dir[kx] / dir[kz], dir[ky] / dir[kz] */
     double rdepth[RTI_WIDTH];                               /* 1 / dir[kz] */
+    float u[RTI_WIDTH], v[RTI_WIDTH];
+    union { uint32_t id[RTI_WIDTH]; float bits[RTI_WIDTH]; } prim, inst;   /* bits: to select them like floats */
     unsigned axis[3];                                       /* lanes whose kz is that axis, */
     int first_axis, last_axis;                              /* and which axes have any */
     int side[3];                                            /* uniform directions: 1 where upper planes are met first */
     bool uniform;
+#if RTI_WIDTH > 1
+    unsigned live, found;                                   /* of large packets: lanes that still need hits, and that have one */
+#endif
+    float org[3][RTI_WIDTH], dir[3][RTI_WIDTH];
+    float plane[2][3][RTI_WIDTH];                           /* org as rti_vplane wants it, padded, for lower and upper planes */
+    float pad[RTI_WIDTH];                                   /* how far planes are moved out */
 #if RTI_INSTANCES && RTI_KDTREE
     uint32_t seen[RTI_SEEN], seen_by[RTI_SEEN], next_seen;  /* instances of a k-d tree that were traced last, and by which lanes */
 #endif
-} RTI_ALIGNED(32) rti_packet;
+} RTI_ALIGNED(RTI_WIDTH == 8 ? 64 : 32) rti_packet;
 
 /* Rays as they stand in memory to lanes: a transpose. */
 RTI_FN void rti_load_rays(const rt_ray *rays, rti_packet *p)
 {
 #if RTI_LANES == RTI_LANES_SSE2
     int half;
+    RTI_UNROLL
     for (half = 0; half < 2; half++) {      /* org and tmin, then dir and tmax */
         const float *at = (const float *)(const void *)rays + 4 * half;
         __m128 x = _mm_loadu_ps(at), y = _mm_loadu_ps(at + 8), z = _mm_loadu_ps(at + 16), w = _mm_loadu_ps(at + 24);
@@ -4677,7 +4761,9 @@ RTI_FN void rti_load_rays(const rt_ray *rays, rti_packet *p)
     const float *at = (const float *)(const void *)rays;     /* 8 floats a ray */
     __m256 row[4], x, y, z, w;
     int half, i;
+    RTI_UNROLL
     for (half = 0; half < 2; half++) {
+        RTI_UNROLL
         for (i = 0; i < 4; i++)             /* rays i and i + 4 side by side: two 4 x 4 transposes in one */
             row[i] = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(at + 8 * i + 4 * half)),
                                           _mm_loadu_ps(at + 8 * i + 32 + 4 * half), 1);
@@ -4709,6 +4795,45 @@ RTI_FN void rti_load_rays(const rt_ray *rays, rti_packet *p)
     rti_vstore(p->inst.bits, rti_vset(0));
 }
 
+/* What the primitive tests need to know of directions; answers the lanes of legal whose largest component, which it tells, is large enough. */
+RTI_FN unsigned rti_orient(rti_packet *p, const rti_v dir[3], unsigned legal, rti_v *largest)
+{
+    const unsigned y_over_x = rti_vlt(rti_vabs(dir[0]), rti_vabs(dir[1]));
+    const rti_v x_or_y = rti_vmax(rti_vabs(dir[0]), rti_vabs(dir[1]));
+    const unsigned z_over = rti_vlt(x_or_y, rti_vabs(dir[2]));
+    rti_v depth;
+    *largest = rti_vmax(x_or_y, rti_vabs(dir[2]));
+    legal &= rti_vle(rti_vset(RT_MIN_DIRECTION), *largest);
+    if (!legal) return 0;
+    p->axis[2] = z_over;
+    p->axis[1] = y_over_x & ~z_over;
+    p->axis[0] = RTI_ALL_LANES & ~(y_over_x | z_over);
+    p->first_axis = p->axis[0] & legal ? 0 : p->axis[1] & legal ? 1 : 2;
+    p->last_axis = p->axis[2] & legal ? 2 : p->axis[1] & legal ? 1 : 0;
+    depth = rti_vselect(z_over, dir[2], rti_vselect(y_over_x, dir[1], dir[0]));
+    rti_vstore(p->shear[0], rti_vdiv(rti_vselect(z_over, dir[0], rti_vselect(y_over_x, dir[2], dir[1])), depth));
+    rti_vstore(p->shear[1], rti_vdiv(rti_vselect(z_over, dir[1], rti_vselect(y_over_x, dir[0], dir[2])), depth));
+    rti_dstore(p->rdepth, rti_ddiv(rti_dset(1), rti_widen(depth)));
+    return legal;
+}
+
+/* The least that a component of dir counts as, see rti_prepare. */
+RTI_FN rti_v rti_least(rti_v reach, rti_v far_org, rti_v largest)
+{
+    return rti_vmax(rti_vmul(largest, rti_vset(2.98023224e-08f)), rti_vmul(rti_vadd(reach, far_org), rti_vset(1e-37f)));
+}
+
+/* Also notes on which side of boxes the legal rays enter. */
+RTI_FN rti_v rti_invert_dir(rti_packet *p, int k, rti_v dir, rti_v least, unsigned legal)
+{
+    const rti_v rdir = rti_vdiv(rti_vset(1), rti_vsign(rti_vmax(rti_vabs(dir), least), dir));
+    const unsigned negative = rti_vnegative(dir) & legal;
+    rti_vstore(p->rdir[k], rdir);
+    p->side[k] = negative != 0;
+    if (negative && negative != legal) p->uniform = false;
+    return rdir;
+}
+
 /* Fills what follows from org, dir, tmin, t; answers the lanes that hold a legal ray.
 
    No box test may lose a hit that the primitive test finds, in whatever order boxes come. What has to be covered, with e = 2^-24 and R
@@ -4725,9 +4850,10 @@ RTI_FN void rti_load_rays(const rt_ray *rays, rti_packet *p)
    flush-to-zero), t times the direction in space. */
 RTI_FN unsigned rti_prepare(const rt_accel *accel, rti_packet *p, unsigned lanes)
 {
-    rti_v org[3], dir[3], reach = rti_vset(0), far_org = rti_vset(0), largest, least, slack, pad, x_or_y, depth;
-    unsigned legal = lanes & rti_vlt(rti_vload(p->tmin), rti_vload(p->t)), y_over_x, z_over;
+    rti_v org[3], dir[3], reach = rti_vset(0), far_org = rti_vset(0), largest, least, slack, pad;
+    unsigned legal = lanes & rti_vlt(rti_vload(p->tmin), rti_vload(p->t));
     int k;
+    RTI_UNROLL
     for (k = 0; k < 3; k++) {
         rti_v lo, hi;
         org[k] = rti_vload(p->org[k]);
@@ -4738,34 +4864,21 @@ RTI_FN unsigned rti_prepare(const rt_accel *accel, rti_packet *p, unsigned lanes
         reach = rti_vmax(rti_vmax(lo, hi), reach);
         far_org = rti_vmax(rti_vabs(org[k]), far_org);
     }
-    y_over_x = rti_vlt(rti_vabs(dir[0]), rti_vabs(dir[1]));
-    x_or_y = rti_vmax(rti_vabs(dir[0]), rti_vabs(dir[1]));
-    z_over = rti_vlt(x_or_y, rti_vabs(dir[2]));
-    largest = rti_vmax(x_or_y, rti_vabs(dir[2]));
-    legal &= rti_vle(rti_vset(RT_MIN_DIRECTION), largest);
+    legal = rti_orient(p, dir, legal, &largest);
     if (!legal) return 0;
 
-    p->axis[2] = z_over;
-    p->axis[1] = y_over_x & ~z_over;
-    p->axis[0] = RTI_ALL_LANES & ~(y_over_x | z_over);
-    p->first_axis = p->axis[0] & legal ? 0 : p->axis[1] & legal ? 1 : 2;
-    p->last_axis = p->axis[2] & legal ? 2 : p->axis[1] & legal ? 1 : 0;
-    depth = rti_vselect(z_over, dir[2], rti_vselect(y_over_x, dir[1], dir[0]));
-    rti_vstore(p->shear[0], rti_vdiv(rti_vselect(z_over, dir[0], rti_vselect(y_over_x, dir[2], dir[1])), depth));
-    rti_vstore(p->shear[1], rti_vdiv(rti_vselect(z_over, dir[1], rti_vselect(y_over_x, dir[0], dir[2])), depth));
-    rti_dstore(p->rdepth, rti_ddiv(rti_dset(1), rti_widen(depth)));
-
-    least = rti_vmax(rti_vmul(largest, rti_vset(2.98023224e-08f)), rti_vmul(rti_vadd(reach, far_org), rti_vset(1e-37f)));
+    least = rti_least(reach, far_org, largest);
     slack = rti_vmul(rti_vset(accel->spread * 5.9604644775390625e-08f), rti_vadd(far_org, rti_vset(accel->extent)));
     slack = rti_vadd(slack, rti_vmul(far_org, rti_vset(2.384185791015625e-07f)));                   /* 4 e |org| */
     pad = rti_vadd(rti_vset(9.5367431640625e-07f), rti_vmul(rti_vset(2), rti_vdiv(least, largest)));        /* 16 e, and the clamp */
     pad = rti_vadd(rti_vmul(rti_vadd(reach, slack), pad), slack);
     pad = rti_vadd(pad, rti_vmul(rti_vadd(largest, rti_vset(1)), rti_vset(1e-37f)));               /* of the smallest floats */
+    rti_vstore(p->pad, pad);
     p->uniform = true;
+    RTI_UNROLL
     for (k = 0; k < 3; k++) {
-        rti_v rdir = rti_vdiv(rti_vset(1), rti_vsign(rti_vmax(rti_vabs(dir[k]), least), dir[k]));
-        unsigned negative = rti_vnegative(dir[k]) & legal;
-        rti_vstore(p->rdir[k], rdir);
+        const rti_v rdir = rti_invert_dir(p, k, dir[k], least, legal);
+        (void)rdir;
 #if RTI_FMA
         rti_vstore(p->plane[0][k], rti_vmul(rti_vadd(org[k], pad), rdir));
         rti_vstore(p->plane[1][k], rti_vmul(rti_vsub(org[k], pad), rdir));
@@ -4773,8 +4886,6 @@ RTI_FN unsigned rti_prepare(const rt_accel *accel, rti_packet *p, unsigned lanes
         rti_vstore(p->plane[0][k], rti_vadd(org[k], pad));
         rti_vstore(p->plane[1][k], rti_vsub(org[k], pad));
 #endif
-        p->side[k] = negative != 0;
-        if (negative && negative != legal) p->uniform = false;
     }
     return legal;
 }
@@ -4867,10 +4978,72 @@ RTI_FN rti_d rti_edge_exact(rti_v ax, rti_v ay, rti_v bx, rti_v by)
     return rti_dsub(rti_dmul(rti_widen(ax), rti_widen(by)), rti_dmul(rti_widen(ay), rti_widen(bx)));
 }
 
+/* What the triangle test needs of those rays of a packet whose largest component is kz. */
+typedef struct { int kx, ky, kz; rti_v ox, oy, oz, sx, sy; } rti_shear;
+
+RTI_FN rti_shear rti_make_shear(const rti_packet *p, int kz)
+{
+    rti_shear s;
+    s.kz = kz;
+    s.kx = kz == 2 ? 0 : kz + 1;
+    s.ky = s.kx == 2 ? 0 : s.kx + 1;
+    s.ox = rti_vload(p->org[s.kx]);
+    s.oy = rti_vload(p->org[s.ky]);
+    s.oz = rti_vload(p->org[kz]);
+    s.sx = rti_vload(p->shear[0]);
+    s.sy = rti_vload(p->shear[1]);
+    return s;
+}
+
 /* [Woop]: axes permuted so that kz is the ray's largest, org moved to the origin, sheared so that the ray is the z axis. A vertex becomes
    a 2D point that depends on ray and vertex alone, so triangles which share it agree about it to the last bit: nothing slips through.
    Float edge functions throw out most triangles; zeros, which may be wrong, count as inside. What is left is decided again, and its t, u,
-   v computed, in double: exact signs, and weights that are good even for slivers and triangles seen edge-on. */
+   v computed, in double: exact signs, and weights that are good even for slivers and triangles seen edge-on. a: the vertices. */
+RTI_FN unsigned rti_hit_triangle(rti_packet *p, const rti_shear *s, unsigned live, const float *a, uint32_t prim, uint32_t inst, int flags)
+{
+    const int kx = s->kx, ky = s->ky, kz = s->kz;
+    const rti_v az = rti_vsub(rti_vset(a[kz]), s->oz);
+    const rti_v bz = rti_vsub(rti_vset(a[3 + kz]), s->oz);
+    const rti_v cz = rti_vsub(rti_vset(a[6 + kz]), s->oz);
+    const rti_v ax = rti_vsub(rti_vsub(rti_vset(a[kx]), s->ox), rti_vround(rti_vmul(s->sx, az)));
+    const rti_v ay = rti_vsub(rti_vsub(rti_vset(a[ky]), s->oy), rti_vround(rti_vmul(s->sy, az)));
+    const rti_v bx = rti_vsub(rti_vsub(rti_vset(a[3 + kx]), s->ox), rti_vround(rti_vmul(s->sx, bz)));
+    const rti_v by = rti_vsub(rti_vsub(rti_vset(a[3 + ky]), s->oy), rti_vround(rti_vmul(s->sy, bz)));
+    const rti_v cx = rti_vsub(rti_vsub(rti_vset(a[6 + kx]), s->ox), rti_vround(rti_vmul(s->sx, cz)));
+    const rti_v cy = rti_vsub(rti_vsub(rti_vset(a[6 + ky]), s->oy), rti_vround(rti_vmul(s->sy, cz)));
+    const rti_v u = rti_edge(cx, cy, bx, by), v = rti_edge(ax, ay, cx, cy), w = rti_edge(bx, by, ax, ay);
+    unsigned hit = live & ~(rti_vlt(rti_vmin(rti_vmin(u, v), w), rti_vset(0)) & rti_vlt(rti_vset(0), rti_vmax(rti_vmax(u, v), w)));
+    if (hit) {
+        const rti_d zero = rti_dset(0), depth = rti_widen(s->oz);
+        const rti_d ud = rti_edge_exact(cx, cy, bx, by), vd = rti_edge_exact(ax, ay, cx, cy), wd = rti_edge_exact(bx, by, ax, ay);
+        const rti_d det = rti_dadd(rti_dadd(ud, vd), wd);
+        hit &= ~((rti_dlt(ud, zero) | rti_dlt(vd, zero) | rti_dlt(wd, zero)) &
+                 (rti_dlt(zero, ud) | rti_dlt(zero, vd) | rti_dlt(zero, wd)));
+        hit &= rti_dlt(det, zero) | rti_dlt(zero, det);
+        if (hit) {
+            const rti_d rdet = rti_ddiv(rti_dset(1), det);
+            rti_d td = rti_dadd(rti_product(ud, rti_dsub(rti_dset((double)a[kz]), depth)),
+                                rti_product(vd, rti_dsub(rti_dset((double)a[3 + kz]), depth)));
+            td = rti_dadd(td, rti_product(wd, rti_dsub(rti_dset((double)a[6 + kz]), depth)));
+            return rti_accept(p, hit, rti_narrow(rti_dmul(rti_dmul(td, rdet), rti_dload(p->rdepth))), rti_narrow(rti_dmul(vd, rdet)),
+                              rti_narrow(rti_dmul(wd, rdet)), prim, inst, flags);
+        }
+    }
+    return 0;
+}
+
+/* The vertices of the triangle in a slot, and its primitive; gathered: room for them. */
+RTI_FN const float *rti_corners(const rt_accel *accel, uint32_t slot, float gathered[9], uint32_t *prim)
+{
+    if (accel->triangles) {
+        *prim = accel->triangles[slot].prim;
+        return accel->triangles[slot].v;
+    }
+    *prim = accel->triangle_ids[slot];
+    (void)rti_fetch_triangle(&accel->geo, *prim, gathered);
+    return gathered;
+}
+
 RTI_FN unsigned rti_hit_triangles(const rt_accel *accel, rti_packet *p, unsigned lanes, const uint32_t *slots, uint32_t first,
                                   uint32_t count, uint32_t inst, int flags)
 {
@@ -4878,60 +5051,17 @@ RTI_FN unsigned rti_hit_triangles(const rt_accel *accel, rti_packet *p, unsigned
     unsigned found = 0;
     int kz;
     for (kz = p->first_axis; kz <= p->last_axis; kz++) {
-        const int kx = kz == 2 ? 0 : kz + 1, ky = kx == 2 ? 0 : kx + 1;
-        unsigned live = lanes & p->axis[kz];
-        rti_v ox, oy, oz, sx, sy;
+        unsigned live = lanes & p->axis[kz], hit;
+        rti_shear shear;
         uint32_t i;
         if (!live) continue;
-        ox = rti_vload(p->org[kx]);
-        oy = rti_vload(p->org[ky]);
-        oz = rti_vload(p->org[kz]);
-        sx = rti_vload(p->shear[0]);
-        sy = rti_vload(p->shear[1]);
+        shear = rti_make_shear(p, kz);
         for (i = first; i < last && live; i++) {
             float gathered[9];
-            const float *a = gathered;
-            const uint32_t slot = rti_slot(slots, i);
             uint32_t prim;
-            rti_v az, bz, cz, ax, ay, bx, by, cx, cy, u, v, w;
-            unsigned hit;
-            if (accel->triangles) {
-                a = accel->triangles[slot].v;
-                prim = accel->triangles[slot].prim;
-            } else {
-                prim = accel->triangle_ids[slot];
-                (void)rti_fetch_triangle(&accel->geo, prim, gathered);
-            }
-            az = rti_vsub(rti_vset(a[kz]), oz);
-            bz = rti_vsub(rti_vset(a[3 + kz]), oz);
-            cz = rti_vsub(rti_vset(a[6 + kz]), oz);
-            ax = rti_vsub(rti_vsub(rti_vset(a[kx]), ox), rti_vround(rti_vmul(sx, az)));
-            ay = rti_vsub(rti_vsub(rti_vset(a[ky]), oy), rti_vround(rti_vmul(sy, az)));
-            bx = rti_vsub(rti_vsub(rti_vset(a[3 + kx]), ox), rti_vround(rti_vmul(sx, bz)));
-            by = rti_vsub(rti_vsub(rti_vset(a[3 + ky]), oy), rti_vround(rti_vmul(sy, bz)));
-            cx = rti_vsub(rti_vsub(rti_vset(a[6 + kx]), ox), rti_vround(rti_vmul(sx, cz)));
-            cy = rti_vsub(rti_vsub(rti_vset(a[6 + ky]), oy), rti_vround(rti_vmul(sy, cz)));
-            u = rti_edge(cx, cy, bx, by);
-            v = rti_edge(ax, ay, cx, cy);
-            w = rti_edge(bx, by, ax, ay);
-            hit = live & ~(rti_vlt(rti_vmin(rti_vmin(u, v), w), rti_vset(0)) & rti_vlt(rti_vset(0), rti_vmax(rti_vmax(u, v), w)));
-            if (hit) {
-                const rti_d zero = rti_dset(0), depth = rti_widen(oz);
-                rti_d ud = rti_edge_exact(cx, cy, bx, by), vd = rti_edge_exact(ax, ay, cx, cy), wd = rti_edge_exact(bx, by, ax, ay);
-                rti_d det = rti_dadd(rti_dadd(ud, vd), wd), rdet, td;
-                hit &= ~((rti_dlt(ud, zero) | rti_dlt(vd, zero) | rti_dlt(wd, zero)) &
-                         (rti_dlt(zero, ud) | rti_dlt(zero, vd) | rti_dlt(zero, wd)));
-                hit &= rti_dlt(det, zero) | rti_dlt(zero, det);
-                if (hit) {
-                    td = rti_dadd(rti_product(ud, rti_dsub(rti_dset((double)a[kz]), depth)),
-                                  rti_product(vd, rti_dsub(rti_dset((double)a[3 + kz]), depth)));
-                    td = rti_dadd(td, rti_product(wd, rti_dsub(rti_dset((double)a[6 + kz]), depth)));
-                    rdet = rti_ddiv(rti_dset(1), det);
-                    found |= hit = rti_accept(p, hit, rti_narrow(rti_dmul(rti_dmul(td, rdet), rti_dload(p->rdepth))),
-                                              rti_narrow(rti_dmul(vd, rdet)), rti_narrow(rti_dmul(wd, rdet)), prim, inst, flags);
-                    if (flags & RTI_WALK_ANY) live &= ~hit;
-                }
-            }
+            const float *corners = rti_corners(accel, rti_slot(slots, i), gathered, &prim);
+            found |= hit = rti_hit_triangle(p, &shear, live, corners, prim, inst, flags);
+            if (flags & RTI_WALK_ANY) live &= ~hit;
         }
     }
     return found;
@@ -4995,7 +5125,45 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_spheres(const rt_accel *accel, rti_pack
 #if RTI_INSTANCES
 RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job);
 
-/* The rays go on in object space as a packet of their own; t means the same there. */
+/* The rays as they go on in object space, a packet of their own; t means the same there. Answers the lanes that are legal there. */
+RTI_NOINLINE RTI_TARGET unsigned rti_enter_instance(const rti_instance *in, const rti_packet *p, unsigned lanes, rti_packet *inner)
+{
+    int i, k;
+    for (i = 0; i < RTI_WIDTH; i++) {
+        float org[3], dir[3], to_org[3], to_dir[3];
+        for (k = 0; k < 3; k++) {
+            org[k] = p->org[k][i];
+            dir[k] = p->dir[k][i];
+        }
+        rti_transform_ray(in->inverse, org, dir, to_org, to_dir);
+        for (k = 0; k < 3; k++) {
+            inner->org[k][i] = to_org[k];
+            inner->dir[k][i] = to_dir[k];
+        }
+        inner->tmin[i] = p->tmin[i];
+        inner->t[i] = p->t[i];
+        inner->u[i] = p->u[i];
+        inner->v[i] = p->v[i];
+    }
+    inner->prim = p->prim;
+    inner->inst = p->inst;
+    return rti_prepare(in->accel, inner, lanes);
+}
+
+/* Takes over what the lanes of hit have found there. */
+RTI_FN void rti_leave_instance(rti_packet *p, const rti_packet *inner, unsigned hit)
+{
+    int i;
+    for (i = 0; i < RTI_WIDTH; i++)
+        if (hit >> i & 1) {
+            p->t[i] = inner->t[i];
+            p->u[i] = inner->u[i];
+            p->v[i] = inner->v[i];
+            p->prim.id[i] = inner->prim.id[i];
+            p->inst.id[i] = inner->inst.id[i];
+        }
+}
+
 RTI_NOINLINE RTI_TARGET unsigned rti_hit_instances(const rt_accel *accel, rti_packet *p, unsigned lanes, const uint32_t *slots,
                                                    uint32_t first, uint32_t count, uint32_t inst, const rti_job *job)
 {
@@ -5007,7 +5175,6 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_instances(const rt_accel *accel, rti_pa
         unsigned todo = lanes;
         rti_packet inner;
         unsigned legal, hit;
-        int i, k;
 #if RTI_KDTREE
         if (slots) {                        /* in several leaves: while it is among the last RTI_SEEN, each ray goes through it once */
             int at = 0;
@@ -5022,39 +5189,13 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_instances(const rt_accel *accel, rti_pa
             if (!todo) continue;
         }
 #endif
-        for (i = 0; i < RTI_WIDTH; i++) {
-            float org[3], dir[3], to_org[3], to_dir[3];
-            for (k = 0; k < 3; k++) {
-                org[k] = p->org[k][i];
-                dir[k] = p->dir[k][i];
-            }
-            rti_transform_ray(in->inverse, org, dir, to_org, to_dir);
-            for (k = 0; k < 3; k++) {
-                inner.org[k][i] = to_org[k];
-                inner.dir[k][i] = to_dir[k];
-            }
-            inner.tmin[i] = p->tmin[i];
-            inner.t[i] = p->t[i];
-            inner.u[i] = p->u[i];
-            inner.v[i] = p->v[i];
-        }
-        inner.prim = p->prim;
-        inner.inst = p->inst;
-        legal = rti_prepare(in->accel, &inner, todo);
+        legal = rti_enter_instance(in, p, todo, &inner);
         if (!legal) continue;
         hit = rti_walk(in->accel, &inner, legal, inst + 1 + in->base, job);
         found |= hit;
         if (job->query == RT_ANY) {
             if (!(lanes &= ~hit)) break;
-        } else
-            for (i = 0; i < RTI_WIDTH; i++)
-                if (hit >> i & 1) {
-                    p->t[i] = inner.t[i];
-                    p->u[i] = inner.u[i];
-                    p->v[i] = inner.v[i];
-                    p->prim.id[i] = inner.prim.id[i];
-                    p->inst.id[i] = inner.inst.id[i];
-                }
+        } else rti_leave_instance(p, &inner, hit);
     }
     return found;
 }
@@ -5536,41 +5677,935 @@ RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, 
     return any ? rti_walk_any(accel, p, live, inst, job) : rti_walk_closest(accel, p, live, inst, job);
 }
 
-RTI_NOINLINE RTI_TARGET void rti_batch(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
+/* ---- >>large -------------------------------------------------------------------------------------------------------- */
+
+#if RTI_WIDTH > 1
+
+/* [Overbeck] 3 and 4: up to RT_MAX_PACKET x RT_MAX_PACKET rays go down the tree together, the SIMD ray (an rti_packet) being the smallest of
+   them. Lanes without a legal ray, and those that need no more hits, have an empty interval: tmin infinite, t below it. Every test fails
+   for them by itself, so no masks are kept.
+
+   Frusta. Along the axis k, which all rays follow in the same direction, s = sign * (x[k] - start) runs from 0 to length, and on every ray
+   x[u], -x[u], x[v] and -x[v] are at least bound + slope * s: four side planes. They follow from where the rays cross two planes of constant
+   k, near and far ([Overbeck] 4.3), or, where all rays pass through one point, the apex, from their slopes alone (4.1, and 4.2 with the
+   light as the apex: s then runs from the light to the surface).
+   What culling must not lose is what the primitive test may find: that lies within pad of the exact ray (see rti_prepare), whose
+   largest in the packet, and what the floats of the frustum itself may lose, make the frustum's pad.
+   No frustum: where signs along k are mixed, rays are steeper than RTI_STEEP, begin before their origin (tmin < 0) or are far out. */
+
+#define RTI_SIMD_RAYS (RT_MAX_PACKET * RT_MAX_PACKET / RTI_WIDTH)   /* of the largest packet */
+#define RTI_STEEP 64.0f
+#define RTI_NESTED (256 / RTI_WIDTH)        /* SIMD rays that go through an instance together */
+
+typedef struct {
+    int k, u, v;
+    float sign, start, length;
+    float bound[4], slope[4], rslope[4];
+    float pad;
+    float apex[3], sway;                    /* rays pass the apex within sway; negative: there is none */
+    float low[2], high[2], steep;           /* of the slopes along u and v; steep: the largest, sign aside */
+} rti_frustum;
+
+typedef struct {
+    rti_packet *rays;                       /* SIMD rays */
+    int count, open;                        /* open: those that still need hits */
+    bool shared;                            /* all rays start at one point; their SIMD rays have no planes */
+    bool uniform;                           /* all dirs have the same signs */
+    int side[3];                            /* uniform: 1 where upper planes are met first */
+    float pad, org_lower[3], org_upper[3];  /* of all rays; shared: the origin, as lower and as upper planes see it */
+    float way[3];                           /* the sum of all dirs */
+    rti_frustum frustum;
+    rt_cull cull;                           /* RT_CULL_NONE where there is no frustum */
+    unsigned char order[RTI_SIMD_RAYS];     /* SIMD rays: the living first (Partition), or scratch */
+} rti_large;
+
+/* The box tests of one node: what is alike for all rays. */
+typedef struct { const float *bounds; rti_v near_plane[3], far_plane[3]; } rti_door;
+
+RTI_FN rti_door rti_make_door(const rti_large *g, const float *bounds)
+{
+    rti_door door;
+    int k;
+    door.bounds = bounds;
+    RTI_UNROLL
+    for (k = 0; k < 3; k++) {
+        const float lower = bounds[k] - g->org_lower[k], upper = bounds[3 + k] - g->org_upper[k];
+        door.near_plane[k] = rti_vset(g->side[k] ? upper : lower);
+        door.far_plane[k] = rti_vset(g->side[k] ? lower : upper);
+    }
+    return door;
+}
+
+/* Lanes of a SIMD ray that meet the box. */
+RTI_FN unsigned rti_pass(const rti_large *g, const rti_door *door, const rti_packet *p)
+{
+    const rti_v tmin = rti_vload(p->tmin), t = rti_vload(p->t);
+    if (g->shared) {
+        rti_v a[3], b[3];
+        int k;
+        RTI_UNROLL
+        for (k = 0; k < 3; k++) {
+            const rti_v rdir = rti_vload(p->rdir[k]);
+            a[k] = rti_vmul(door->near_plane[k], rdir);
+            b[k] = rti_vmul(door->far_plane[k], rdir);
+        }
+        if (!g->uniform) {
+            RTI_UNROLL
+            for (k = 0; k < 3; k++) {
+                const rti_v enter = rti_vmin(a[k], b[k]);
+                b[k] = rti_vmax(a[k], b[k]);
+                a[k] = enter;
+            }
+        }
+        return rti_vle(rti_vmax(rti_vmax(a[0], a[1]), rti_vmax(a[2], tmin)), rti_vmin(rti_vmin(b[0], b[1]), rti_vmin(b[2], t)));
+    } else {
+        const rti_slabs slabs = rti_make_slabs(p);
+        rti_v enter, leave;
+        return rti_hit_box(&slabs, door->bounds, t, &enter, &leave);
+    }
+}
+
+/* Smallest and largest lane. */
+RTI_FN void rti_stretch_lanes(rti_v a, rti_v b, float *low, float *high)
+{
+    float lows[RTI_WIDTH], highs[RTI_WIDTH];
+    int i;
+    rti_vstore(lows, a);
+    rti_vstore(highs, b);
+    *low = lows[0];
+    *high = highs[0];
+    for (i = 1; i < RTI_WIDTH; i++) {
+        *low = lows[i] < *low ? lows[i] : *low;
+        *high = highs[i] > *high ? highs[i] : *high;
+    }
+}
+
+/* Lane by lane over all rays: least and greatest of three numbers. */
+typedef struct { rti_v low[3], high[3]; } rti_range;
+
+RTI_FN rti_range rti_no_range(void)
+{
+    rti_range r;
+    int k;
+    RTI_UNROLL
+    for (k = 0; k < 3; k++) {
+        r.low[k] = rti_vset(RTI_INFINITY);
+        r.high[k] = rti_vset(-RTI_INFINITY);
+    }
+    return r;
+}
+
+RTI_FN void rti_range_add(rti_range *r, int k, rti_v x)
+{
+    r->low[k] = rti_vmin(x, r->low[k]);
+    r->high[k] = rti_vmax(x, r->high[k]);
+}
+
+/* Slopes u / k and v / k of all rays, kept in them; their bounds. False: some ray does not follow axis k that way, or is too short to
+   tell. */
+RTI_FN bool rti_survey_slopes(const rti_large *g, rti_frustum *f)
+{
+    rti_range range = rti_no_range();
+    rti_v shortest = rti_vset(RTI_INFINITY);
+    int i, a;
+    for (i = 0; i < g->count; i++) {
+        rti_packet *p = &g->rays[i];
+        const rti_v rdir = rti_vload(p->rdir[f->k]);
+        shortest = rti_vmin(rti_vmul(rti_vload(p->dir[f->k]), rti_vset(f->sign)), shortest);
+        RTI_UNROLL
+        for (a = 0; a < 2; a++) {
+            const rti_v slope = rti_vmul(rti_vload(p->dir[a ? f->v : f->u]), rdir);
+            rti_vstore(p->slope[a], slope);
+            rti_range_add(&range, a, slope);
+        }
+    }
+    f->steep = 0;
+    for (a = 0; a < 2; a++) {
+        rti_stretch_lanes(range.low[a], range.high[a], &f->low[a], &f->high[a]);
+        f->steep = fmaxf(f->steep, fmaxf(fabsf(f->low[a]), fabsf(f->high[a])));
+    }
+    return rti_vle(rti_vset(1e-20f), shortest) == RTI_ALL_LANES && f->steep <= RTI_STEEP;
+}
+
+/* Where all rays cross the planes at s = 0 and at s = length: [Overbeck] 4.3. */
+RTI_FN void rti_bound_general(const rti_large *g, rti_frustum *f)
+{
+    const rti_v start = rti_vset(f->start), length = rti_vset(f->length * f->sign);
+    rti_range range[2];                     /* near and far */
+    int i, a, end;
+    range[0] = range[1] = rti_no_range();
+    for (i = 0; i < g->count; i++) {
+        const rti_packet *p = &g->rays[i];
+        const rti_v back = rti_vsub(start, rti_vload(p->org[f->k]));
+        RTI_UNROLL
+        for (a = 0; a < 2; a++) {
+            const rti_v slope = rti_vload(p->slope[a]), x = rti_vadd(rti_vload(p->org[a ? f->v : f->u]), rti_vmul(slope, back));
+            rti_range_add(&range[0], a, x);
+            rti_range_add(&range[1], a, rti_vadd(x, rti_vmul(slope, length)));
+        }
+    }
+    for (a = 0; a < 2; a++) {
+        float low[2], high[2];
+        for (end = 0; end < 2; end++) rti_stretch_lanes(range[end].low[a], range[end].high[a], &low[end], &high[end]);
+        f->bound[2 * a] = low[0];
+        f->bound[2 * a + 1] = -high[0];
+        f->slope[2 * a] = (low[1] - low[0]) / f->length;
+        f->slope[2 * a + 1] = -(high[1] - high[0]) / f->length;
+    }
+}
+
+/* All rays, legal and from one origin, prepared at once: what rti_prepare works out from the origin, the pad too, is the same for all, and
+   no planes are kept. False: they are not so. */
+RTI_FN bool rti_prepare_shared(const rt_accel *accel, rti_large *g)
+{
+    const float org[3] = { g->rays[0].org[0][0], g->rays[0].org[1][0], g->rays[0].org[2][0] };
+    rti_v reach, far_org, longest = rti_vset(0), shortest = rti_vset(RTI_INFINITY), most;
+    float far_out = 0, far = 0, slack, least, largest, pad;
+    int i, k;
+    for (i = 0; i < g->count; i++) {
+        const rti_packet *p = &g->rays[i];
+        unsigned same = rti_vlt(rti_vload(p->tmin), rti_vload(p->t));
+        RTI_UNROLL
+        for (k = 0; k < 3; k++) {
+            const rti_v x = rti_vload(p->org[k]), at = rti_vset(org[k]);
+            same &= rti_vle(x, at) & rti_vle(at, x);
+        }
+        if (same != RTI_ALL_LANES) return false;
+    }
+    for (k = 0; k < 3; k++) {
+        far_out = fmaxf(far_out, fmaxf(fabsf(accel->lower[k] - org[k]), fabsf(accel->upper[k] - org[k])));
+        far = fmaxf(far, fabsf(org[k]));
+    }
+    if (!(far <= RT_MAX_COORDINATE)) return false;
+    reach = rti_vset(far_out);
+    far_org = rti_vset(far);
+    for (i = 0; i < g->count; i++) {
+        rti_packet *p = &g->rays[i];
+        const rti_v dir[3] = { rti_vload(p->dir[0]), rti_vload(p->dir[1]), rti_vload(p->dir[2]) };
+        rti_v bound;
+        const unsigned legal = rti_orient(p, dir, RTI_ALL_LANES, &most);
+        if ((legal & rti_vle(most, rti_vset(RT_MAX_DIRECTION))) != RTI_ALL_LANES) return false;
+        longest = rti_vmax(most, longest);
+        shortest = rti_vmin(most, shortest);
+        bound = rti_least(reach, far_org, most);
+        p->uniform = true;
+        RTI_UNROLL
+        for (k = 0; k < 3; k++) (void)rti_invert_dir(p, k, dir[k], bound, RTI_ALL_LANES);
+    }
+    rti_stretch_lanes(shortest, longest, &least, &largest);
+    slack = accel->spread * 5.9604644775390625e-08f * (far + accel->extent) + far * 2.384185791015625e-07f;
+    pad = fmaxf(5.9604645e-08f, 2e-37f * (far_out + far) / least);      /* twice the clamp of the shortest */
+    pad = (far_out + slack) * (9.5367431640625e-07f + pad) * 1.000001f + slack + (largest + 1) * 1e-37f;
+    g->pad = pad;
+    return true;
+}
+
+/* What is alike for all rays of a prepared packet, and the frustum that bounds them, if they can be. */
+RTI_NOINLINE RTI_TARGET void rti_make_frustum(const rt_accel *accel, rti_large *g, rt_cull cull)
+{
+    rti_frustum *f = &g->frustum;
+    rti_range orgs = rti_no_range(), ends = rti_no_range();
+    rti_v sum[3], pad = rti_vset(0), first = rti_vset(RTI_INFINITY), last = rti_vset(-RTI_INFINITY);
+    float org_low[3], org_high[3], end_low[3], end_high[3], reach = 0, slack, tmin, tmax, unused;
+    unsigned sides[3] = { 0, 0, 0 };        /* bit 0: some ray goes up that axis, bit 1: some goes down */
+    bool to_point;
+    int i, k;
+    sum[0] = sum[1] = sum[2] = rti_vset(0);
+    for (i = 0; i < g->count; i++) {
+        const rti_packet *p = &g->rays[i];
+        first = rti_vmin(rti_vload(p->tmin), first);
+        last = rti_vmax(rti_vload(p->t), last);
+        RTI_UNROLL
+        for (k = 0; k < 3; k++) {
+            const rti_v dir = rti_vload(p->dir[k]);
+            const unsigned negative = rti_vnegative(dir);
+            sum[k] = rti_vadd(sum[k], dir);
+            sides[k] |= (unsigned)(negative != RTI_ALL_LANES) | (unsigned)(negative != 0) << 1;
+        }
+        if (g->shared) continue;
+        pad = rti_vmax(rti_vload(p->pad), pad);
+        RTI_UNROLL
+        for (k = 0; k < 3; k++) {
+            const rti_v org = rti_vload(p->org[k]);
+            rti_range_add(&orgs, k, org);
+            rti_range_add(&ends, k, rti_vadd(org, rti_vload(p->dir[k])));
+        }
+    }
+    rti_stretch_lanes(first, last, &tmin, &tmax);
+    if (!g->shared) rti_stretch_lanes(pad, pad, &unused, &g->pad);
+    to_point = !g->shared && tmax <= 1;
+    g->uniform = true;
+    for (k = 0; k < 3; k++) {
+        float lanes[RTI_WIDTH], most;
+        org_low[k] = org_high[k] = end_low[k] = end_high[k] = g->rays[0].org[k][0];
+        if (!g->shared) {
+            rti_stretch_lanes(orgs.low[k], orgs.high[k], &org_low[k], &org_high[k]);
+            rti_stretch_lanes(ends.low[k], ends.high[k], &end_low[k], &end_high[k]);
+        }
+        rti_vstore(lanes, sum[k]);
+        g->way[k] = 0;
+        for (i = 0; i < RTI_WIDTH; i++) g->way[k] += lanes[i];
+        g->side[k] = sides[k] >> 1 & 1;
+        if (sides[k] == 3) g->uniform = false;
+        most = fmaxf(fabsf(org_low[k]), fabsf(org_high[k]));
+        reach = fmaxf(reach, most + fmaxf(fabsf(accel->lower[k]), fabsf(accel->upper[k])));
+        if (!(end_high[k] - end_low[k] <= 4.8e-7f * (most + fabsf(end_low[k]) + fabsf(end_high[k])))) to_point = false;
+        g->org_lower[k] = org_low[k] + g->pad;
+        g->org_upper[k] = org_low[k] - g->pad;
+    }
+
+    g->cull = RT_CULL_NONE;
+    f->sway = -1;
+    f->k = fabsf(g->way[0]) > fabsf(g->way[1]) ? 0 : 1;
+    if (fabsf(g->way[2]) > fabsf(g->way[f->k])) f->k = 2;
+    f->u = f->k == 2 ? 0 : f->k + 1;
+    f->v = f->u == 2 ? 0 : f->u + 1;
+    f->sign = g->way[f->k] < 0 ? -1.0f : 1.0f;
+    if (!(reach <= 1e15f) || !(tmin >= 0) || !(fabsf(g->way[f->k]) < 1e35f) || sides[f->k] == 3 || !rti_survey_slopes(g, f)) return;
+    slack = 2e-6f * (1 + f->steep);
+    if (g->shared || to_point) {
+        f->sway = 0;
+        for (k = 0; k < 3; k++) {
+            f->apex[k] = end_low[k] + (end_high[k] - end_low[k]) * 0.5f;
+            if (to_point) f->sway = fmaxf(f->sway, end_high[k] - end_low[k] + 4.8e-7f * (reach + fabsf(f->apex[k])));
+        }
+        if (to_point) f->sign = -f->sign;   /* from where the rays end to where they start */
+        f->start = f->apex[f->k];
+        if (to_point) f->length = f->sign * ((f->sign > 0 ? org_high : org_low)[f->k] - f->start);
+        else f->length = f->sign * ((f->sign > 0 ? accel->upper : accel->lower)[f->k] - f->start);
+        for (i = 0; i < 2; i++) {
+            f->bound[2 * i] = f->apex[i ? f->v : f->u];
+            f->bound[2 * i + 1] = -f->bound[2 * i];
+            f->slope[2 * i] = f->sign > 0 ? f->low[i] : -f->high[i];
+            f->slope[2 * i + 1] = f->sign > 0 ? -f->high[i] : f->low[i];
+        }
+    } else {
+        const float scene = (f->sign > 0 ? accel->upper : accel->lower)[f->k], end = (f->sign > 0 ? end_high : end_low)[f->k];
+        f->start = (f->sign > 0 ? org_low : org_high)[f->k];
+        f->length = f->sign * ((tmax <= 1 && f->sign * (end - scene) < 0 ? end : scene) - f->start);
+    }
+    reach += fabsf(f->length);
+    f->length += slack * reach;
+    if (!(f->length > 0) || !(reach <= 1e15f)) {        /* all is behind the rays, or far out: boxes tell */
+        f->sway = -1;
+        return;
+    }
+    if (f->sway < 0) rti_bound_general(g, f);
+    f->pad = (g->pad + fmaxf(f->sway, 0) + slack * reach) * (1 + f->steep);
+    for (i = 0; i < 4; i++) f->rslope[i] = 1 / (fabsf(f->slope[i]) > 1e-7f ? f->slope[i] : copysignf(1e-7f, f->slope[i]));
+    g->cull = cull;
+}
+
+/* No ray of g meets the box: by one of the side planes, or, with corner rays, because it lies beside two of them: no s is left at which it
+   is within all four bounds. [Overbeck] asks that all four corner rays are separated by the same slab, which also throws out a box between
+   rays that pass it on either side. */
+RTI_FN bool rti_cull_box(const rti_large *g, const float *bounds)
+{
+    const rti_frustum *f = &g->frustum;
+    const float lo = f->sign * bounds[f->k], hi = f->sign * bounds[3 + f->k], at = f->sign * f->start;
+    const float most[4] = { bounds[3 + f->u], -bounds[f->u], bounds[3 + f->v], -bounds[f->v] };
+    float from = (lo < hi ? lo : hi) - at - f->pad, to = (lo < hi ? hi : lo) - at + f->pad;
+    int i;
+    from = from > 0 ? from : 0;
+    to = to < f->length ? to : f->length;
+    if (from > to) return true;
+    if (g->cull & RT_CULL_PLANES) {
+        for (i = 0; i < 4; i++) {
+            const float a = f->slope[i] * from, b = f->slope[i] * to;
+            if (most[i] + f->pad < f->bound[i] + (a < b ? a : b)) return true;
+        }
+    }
+    if (g->cull & RT_CULL_CORNERS) {
+        for (i = 0; i < 4; i++) {
+            const float s = (most[i] + f->pad - f->bound[i]) * f->rslope[i];
+            if (f->rslope[i] > 0) to = s < to ? s : to;
+            else from = s > from ? s : from;
+        }
+        if (from > to) return true;
+    }
+    return false;
+}
+
+/* Triangles of a leaf, RTI_WIDTH at a time. */
+typedef struct {
+    const float *corners[RTI_WIDTH];
+    uint32_t prim[RTI_WIDTH];
+    float gathered[RTI_WIDTH][9];
+    float corner[9][RTI_WIDTH];             /* the vertices again, side by side */
+    float edge[3][3][RTI_WIDTH];            /* of each edge: what its function is made of, see rti_edges */
+    float doubt[RTI_WIDTH];                 /* what those may be wrong by */
+} rti_facets;
+
+/* The rays pass through the apex, so each edge's function is linear in a ray's slopes: (a x b)[k] + slope_u (a x b)[u] + slope_v (a x b)[v], with
+   a and b its ends as seen from the apex. It is the function of rti_hit_triangle but for a factor which all three share, and rounding:
+   that moves vertices by 8 e r, r being the farthest coordinate from the apex, and products of two by 64 e r^2; 64 more are added, and
+   sway. Where two functions have other signs by more than that doubt, the triangle is missed.
+   Answers the triangles that some ray may hit, by the corner rays ([Overbeck] 4): those whose edges have all of them on the same side. */
+RTI_FN unsigned rti_edges(const rti_large *g, rti_facets *t)
+{
+    const rti_frustum *f = &g->frustum;
+    const float steep = 1 + 2 * f->steep;
+    const int axis[3] = { f->k, f->u, f->v };
+    rti_v p[3][3], reach = rti_vset(0), least[4], most[4], doubt;
+    unsigned below = 0, above = 0;
+    int i, k;
+    RTI_UNROLL
+    for (i = 0; i < 3; i++) {
+        RTI_UNROLL
+        for (k = 0; k < 3; k++) {
+            p[i][k] = rti_vsub(rti_vload(t->corner[3 * i + axis[k]]), rti_vset(f->apex[axis[k]]));
+            reach = rti_vmax(rti_vabs(p[i][k]), reach);
+        }
+    }
+    doubt = rti_vmul(rti_vadd(rti_vmul(reach, rti_vset(7.6e-6f)), rti_vset(8 * f->sway)), rti_vmul(reach, rti_vset(steep)));
+    doubt = rti_vadd(doubt, rti_vset(1e-34f));
+    least[3] = most[3] = rti_vset(0);
+    RTI_UNROLL
+    for (i = 0; i < 3; i++) {
+        const rti_v *a = p[(i + 2) % 3], *b = p[(i + 1) % 3];
+        rti_v value[3], lo, hi;
+        RTI_UNROLL
+        for (k = 0; k < 3; k++) {
+            const int y = (k + 1) % 3, z = (k + 2) % 3;
+            value[k] = rti_vsub(rti_vmul(a[y], b[z]), rti_vmul(a[z], b[y]));
+            rti_vstore(t->edge[i][k], value[k]);
+        }
+        least[i] = most[i] = value[0];
+        RTI_UNROLL
+        for (k = 0; k < 2; k++) {
+            lo = rti_vmul(value[k + 1], rti_vset(f->low[k]));
+            hi = rti_vmul(value[k + 1], rti_vset(f->high[k]));
+            least[i] = rti_vadd(least[i], rti_vmin(lo, hi));
+            most[i] = rti_vadd(most[i], rti_vmax(lo, hi));
+        }
+        below |= rti_vlt(rti_vadd(most[i], doubt), rti_vset(0));
+        above |= rti_vlt(doubt, least[i]);
+        least[3] = rti_vadd(least[3], least[i]);
+        most[3] = rti_vadd(most[3], most[i]);
+    }
+    rti_vstore(t->doubt, doubt);
+    doubt = rti_vmul(doubt, rti_vset(4));   /* of the sum: where it is positive for all rays, so is some edge of each */
+    if (!(g->cull & RT_CULL_CORNERS)) return RTI_ALL_LANES;
+    return ~((below & (above | rti_vlt(doubt, least[3]))) | (above & rti_vlt(rti_vadd(most[3], doubt), rti_vset(0)))) & RTI_ALL_LANES;
+}
+
+/* Triangles that do not lie beyond one of the side planes. */
+RTI_FN unsigned rti_between_planes(const rti_large *g, const rti_facets *t)
+{
+    const rti_frustum *f = &g->frustum;
+    rti_v s[3], x[3];
+    unsigned kept;
+    int i, k;
+    RTI_UNROLL
+    for (i = 0; i < 3; i++) s[i] = rti_vmul(rti_vsub(rti_vload(t->corner[3 * i + f->k]), rti_vset(f->start)), rti_vset(f->sign));
+    kept = rti_vle(rti_vmin(rti_vmin(s[0], s[1]), s[2]), rti_vset(f->length + f->pad)) &
+           rti_vle(rti_vset(-f->pad), rti_vmax(rti_vmax(s[0], s[1]), s[2]));
+    for (k = 0; k < 4; k++) {
+        const rti_v slope = rti_vset(f->slope[k]), least = rti_vset(f->bound[k] - f->pad);
+        RTI_UNROLL
+        for (i = 0; i < 3; i++) {
+            x[i] = rti_vload(t->corner[3 * i + (k < 2 ? f->u : f->v)]);
+            x[i] = rti_vsub(k & 1 ? rti_vsub(rti_vset(0), x[i]) : x[i], rti_vmul(slope, s[i]));
+        }
+        kept &= rti_vle(least, rti_vmax(rti_vmax(x[0], x[1]), x[2]));
+    }
+    return kept;
+}
+
+/* The exact test: the triangles of kept, on those lanes of a SIMD ray that may hit them. */
+RTI_NOINLINE RTI_TARGET unsigned rti_hit_facets(rti_packet *p, unsigned lanes, const rti_facets *t, unsigned kept, uint32_t inst, bool any)
+{
+    unsigned found = 0;
+    int kz;
+    for (kz = p->first_axis; kz <= p->last_axis; kz++) {
+        unsigned live = lanes & p->axis[kz], left = kept;
+        rti_shear shear;
+        if (!live) continue;
+        shear = rti_make_shear(p, kz);
+        for (; left && live; left &= left - 1) {
+            const int i = rti_lowest_bit(left);
+            if (any) {
+                const unsigned hit = rti_hit_triangle(p, &shear, live, t->corners[i], t->prim[i], inst, RTI_WALK_ANY);
+                live &= ~hit;
+                found |= hit;
+            } else found |= rti_hit_triangle(p, &shear, live, t->corners[i], t->prim[i], inst, 0);
+        }
+    }
+    return found;
+}
+
+/* Notes what lanes of a SIMD ray have hit; with RT_ANY they are done. */
+RTI_FN void rti_note(rti_large *g, rti_packet *p, unsigned hit, bool any)
+{
+    p->found |= hit;
+    if (!any || !hit) return;
+    rti_vstore(p->t, rti_vselect(hit, rti_vset(-RTI_INFINITY), rti_vload(p->t)));
+    p->live &= ~hit;
+    if (!p->live) g->open--;
+}
+
+RTI_FN uint32_t rti_count_rays(const rti_large *g, const unsigned char *list, int length)
+{
+    uint32_t n = 0;
+    int i;
+    for (i = 0; i < length; i++) n += (uint32_t)rti_bit_count(g->rays[list[i]].live);
+    return n;
+}
+
+/* The triangles first, first + 1, ... of a leaf against the SIMD rays of list: culled by the frustum, then, where there is an apex, by edges
+   that cost six products a SIMD ray, and only then tested. */
+RTI_NOINLINE RTI_TARGET void rti_large_triangles(const rt_accel *accel, rti_large *g, uint32_t first, uint32_t count,
+                                                 const unsigned char *list, int length, uint32_t inst, const rti_job *job, int depth)
 {
     const bool any = job->query == RT_ANY;
-    size_t first;
-    for (first = 0; first < count; first += RTI_WIDTH) {
-        const int n = count - first < RTI_WIDTH ? (int)(count - first) : RTI_WIDTH;
-        const rt_ray *from = rays + first;
-        rt_ray padded[RTI_WIDTH];
-        unsigned live, found;
-        rti_packet p;
-        int i;
-        if (n < RTI_WIDTH) {                /* missing rays repeat the last and are not traced */
-            for (i = 0; i < RTI_WIDTH; i++) padded[i] = from[i < n ? i : n - 1];
-            from = padded;
+    rti_facets t;
+    uint32_t at;
+    int i, k;
+    (void)depth;
+    for (at = first; at < first + count; at += RTI_WIDTH) {
+        const unsigned n = first + count - at < RTI_WIDTH ? first + count - at : RTI_WIDTH;
+        unsigned kept = RTI_ALL_LANES >> (RTI_WIDTH - n), j;
+        for (j = 0; j < n; j++) {
+            t.corners[j] = rti_corners(accel, at + j, t.gathered[j], &t.prim[j]);
+            for (k = 0; k < 9; k++) t.corner[k][j] = t.corners[j][k];
         }
-        rti_load_rays(from, &p);
-        live = rti_prepare(accel, &p, RTI_ALL_LANES >> (RTI_WIDTH - n));
+        for (; j < RTI_WIDTH; j++)
+            for (k = 0; k < 9; k++) t.corner[k][j] = t.corner[k][0];
+        if (g->frustum.sway >= 0) kept &= rti_edges(g, &t);
+        if (g->cull & RT_CULL_PLANES) kept &= rti_between_planes(g, &t);
 #if RTI_STATS
-        if (job->stats) job->stats->rays += (uint64_t)rti_bit_count(live);
+        if (job->stats) {
+            const uint64_t tests = (uint64_t)rti_bit_count(kept) * rti_count_rays(g, list, length);
+            job->stats->prims += tests;
+            job->stats->prims_at[depth] += tests;
+            if (g->cull) {
+                job->stats->frusta += n;
+                job->stats->culled += n - (unsigned)rti_bit_count(kept);
+            }
+        }
 #endif
-        found = rti_walk(accel, &p, live, RT_NONE, job);
-        for (i = 0; i < n; i++) {
-            rt_hit *hit = &hits[first + (size_t)i];
-            if (!(found >> i & 1)) rti_set_miss(hit);
-            else if (any) rti_set_any(hit);
-            else {
-                hit->t = p.t[i];
-                hit->u = p.u[i];
-                hit->v = p.v[i];
-                hit->prim = p.prim.id[i];
-                hit->inst = p.inst.id[i];
+        if (g->frustum.sway < 0) {
+            for (i = 0; i < length && kept; i++) {
+                rti_packet *p = &g->rays[list[i]];
+                rti_note(g, p, rti_hit_facets(p, p->live, &t, kept, inst, any), any);
+            }
+            continue;
+        }
+        for (; kept; kept &= kept - 1) {
+            const int lane = rti_lowest_bit(kept);
+            const rti_v uk = rti_vset(t.edge[0][0][lane]), uu = rti_vset(t.edge[0][1][lane]), uv = rti_vset(t.edge[0][2][lane]);
+            const rti_v vk = rti_vset(t.edge[1][0][lane]), vu = rti_vset(t.edge[1][1][lane]), vv = rti_vset(t.edge[1][2][lane]);
+            const rti_v wk = rti_vset(t.edge[2][0][lane]), wu = rti_vset(t.edge[2][1][lane]), wv = rti_vset(t.edge[2][2][lane]);
+            const rti_v above = rti_vset(t.doubt[lane]), below = rti_vset(-t.doubt[lane]);
+            for (i = 0; i < length; i++) {
+                rti_packet *p = &g->rays[list[i]];
+                const rti_v su = rti_vload(p->slope[0]), sv = rti_vload(p->slope[1]);
+                const rti_v u = rti_vfma(su, uu, rti_vfma(sv, uv, uk));
+                const rti_v v = rti_vfma(su, vu, rti_vfma(sv, vv, vk));
+                const rti_v w = rti_vfma(su, wu, rti_vfma(sv, wv, wk));
+                const unsigned missed = rti_vlt(rti_vmin(rti_vmin(u, v), w), below) & rti_vlt(above, rti_vmax(rti_vmax(u, v), w));
+                if (missed == RTI_ALL_LANES) continue;
+                rti_note(g, p, rti_hit_facets(p, ~missed & p->live, &t, 1u << lane, inst, any), any);
             }
         }
     }
 }
+
+#if RTI_INSTANCES
+static RTI_TARGET void rti_large_walk(const rt_accel *accel, rti_large *g, uint32_t inst, const rti_job *job);
+
+/* The SIMD rays of list, where they meet the leaf's box, go on in object space as a large packet of their own: at most RTI_NESTED at once,
+   so that nesting takes little stack. Through a k-d tree they go one by one. */
+RTI_NOINLINE RTI_TARGET void rti_large_instances(const rt_accel *accel, rti_large *g, const rti_door *door, uint32_t first, uint32_t count,
+                                                 const unsigned char *list, int length, uint32_t inst, const rti_job *job)
+{
+    const bool any = job->query == RT_ANY;
+    rti_packet packets[RTI_NESTED];
+    unsigned char from[RTI_NESTED];
+    rti_large inner;
+    uint32_t slot;
+    int i, j;
+    inner.rays = packets;
+    inner.shared = false;
+    for (slot = first; slot < first + count; slot++) {
+        const rti_instance *in = &accel->instances[slot];
+        const uint32_t base = inst + 1 + in->base;
+        for (i = 0; i < length;) {
+            for (inner.count = 0; i < length && inner.count < RTI_NESTED; i++) {
+                rti_packet *p = &g->rays[list[i]], *q = &packets[inner.count];
+                const unsigned lanes = rti_pass(g, door, p) & p->live;
+                q->live = lanes ? rti_enter_instance(in, p, lanes, q) : 0;
+                q->found = 0;
+                if (q->live) from[inner.count++] = list[i];
+            }
+            if (!inner.count || !in->accel->node_count) continue;
+            if (in->accel->structure == RT_BVH) rti_large_walk(in->accel, &inner, base, job);
+            else
+                for (j = 0; j < inner.count; j++) packets[j].found = rti_walk(in->accel, &packets[j], packets[j].live, base, job);
+            for (j = 0; j < inner.count; j++) {
+                rti_packet *p = &g->rays[from[j]];
+                if (!any) rti_leave_instance(p, &packets[j], packets[j].found);
+                rti_note(g, p, packets[j].found, any);
+            }
+        }
+    }
+}
+#endif
+
+/* The primitives of a leaf against the SIMD rays of list. Spheres and instances are dear: each SIMD ray is asked for its box first. */
+RTI_FN void rti_large_leaf(const rt_accel *accel, rti_large *g, const rti_door *door, const rti_node *leaf, const unsigned char *list,
+                           int length, uint32_t inst, const rti_job *job, int depth)
+{
+    const uint32_t first = leaf->index, count = rti_leaf_count(leaf);
+    (void)door;
+    if (rti_leaf_kind(leaf) == RTI_TRIANGLE) {
+        rti_large_triangles(accel, g, first, count, list, length, inst, job, depth);
+        return;
+    }
+#if RTI_STATS
+    if (job->stats) {
+        job->stats->prims += (uint64_t)count * rti_count_rays(g, list, length);
+        job->stats->prims_at[depth] += (uint64_t)count * rti_count_rays(g, list, length);
+    }
+#endif
+#if RTI_SPHERES
+    if (rti_leaf_kind(leaf) == RTI_SPHERE) {
+        const bool any = job->query == RT_ANY;
+        int i;
+        for (i = 0; i < length; i++) {
+            rti_packet *p = &g->rays[list[i]];
+            const unsigned lanes = rti_pass(g, door, p) & p->live;
+            if (lanes) rti_note(g, p, rti_hit_spheres(accel, p, lanes, NULL, first, count, inst, any ? RTI_WALK_ANY : 0), any);
+        }
+        return;
+    }
+#endif
+#if RTI_INSTANCES
+    rti_large_instances(accel, g, door, first, count, list, length, inst, job);
+#endif
+}
+
+/* A box test, counted. */
+RTI_FN unsigned rti_ask(const rti_large *g, const rti_door *door, int i, const int flags, const rti_job *job, int depth)
+{
+    (void)depth, (void)job;
+    RTI_TALLY(job->stats, flags, boxes, rti_bit_count(g->rays[i].live));
+    RTI_TALLY(job->stats, flags, boxes_at[depth], rti_bit_count(g->rays[i].live));
+    return rti_pass(g, door, &g->rays[i]);
+}
+
+RTI_FN bool rti_beside(const rti_large *g, const rti_door *door, const int flags, const rti_job *job)
+{
+    bool beside;
+    (void)job;
+    if (!g->cull) return false;
+    beside = rti_cull_box(g, door->bounds);
+    RTI_TALLY(job->stats, flags, frusta, 1);
+    RTI_TALLY(job->stats, flags, culled, beside);
+    return beside;
+}
+
+/* [Overbeck] 3.2, getFirstHit: the first SIMD ray from active on that meets the box; count: none does. */
+RTI_FN int rti_first_hit(const rti_large *g, const rti_door *door, int active, const int flags, const rti_job *job, int depth)
+{
+    int i;
+    if (rti_ask(g, door, active, flags, job, depth)) return active;
+    if (rti_beside(g, door, flags, job)) return g->count;
+    for (i = active + 1; i < g->count; i++)
+        if (rti_ask(g, door, i, flags, job, depth)) return i;
+    return g->count;
+}
+
+/* getLastHit: one past the last that does; active does. */
+RTI_FN int rti_last_hit(const rti_large *g, const rti_door *door, int active, const int flags, const rti_job *job, int depth)
+{
+    int i;
+    for (i = g->count - 1; i > active; i--)
+        if (rti_ask(g, door, i, flags, job, depth)) break;
+    return i + 1;
+}
+
+/* [Overbeck] 3.3, partRays: of the first active entries of order, those that meet the box come to the front; how many. (The paper's text
+   answers size(R) where the frustum misses: none do.) */
+RTI_FN int rti_part_rays(rti_large *g, const rti_door *door, int active, const int flags, const rti_job *job, int depth)
+{
+    int i, alive = 0;
+    if (rti_beside(g, door, flags, job)) return 0;
+    for (i = 0; i < active; i++) {
+        const unsigned char at = g->order[i];
+        if (rti_ask(g, door, at, flags, job, depth)) {
+            g->order[i] = g->order[alive];
+            g->order[alive++] = at;
+        }
+    }
+    return alive;
+}
+
+/* [Overbeck] 3.1: does any SIMD ray meet the box? At a leaf: which do, listed in order. */
+RTI_FN int rti_mask_rays(rti_large *g, const rti_door *door, bool inner, const int flags, const rti_job *job, int depth)
+{
+    int i, alive = 0;
+    if (rti_beside(g, door, flags, job)) return 0;
+    for (i = 0; i < g->count && !(inner && alive); i++)
+        if (rti_ask(g, door, i, flags, job, depth)) g->order[alive++] = (unsigned char)i;
+    return alive;
+}
+
+/* [Overbeck] Figure 2, A.1 and A.2 in one: what differs is which SIMD rays stay active. active is, of Ranged, the first that is; of Partition,
+   how many entries of order are. The child whose middle comes first along the rays is near. */
+RTI_FN void rti_large_body(const rt_accel *accel, rti_large *g, uint32_t inst, const rt_algorithm kind, const int flags, const rti_job *job)
+{
+    struct { const rti_node *node; int active, depth; } stack[RTI_MAX_DEPTH];
+    const rti_node *node = accel->nodes;
+    int top = 0, depth = 0, active = kind == RT_BVH_PARTITION ? g->count : 0;
+    for (;;) {
+        const rti_door door = rti_make_door(g, node->bounds);
+        int alive;
+        if (kind == RT_BVH_RANGED) {
+            active = rti_first_hit(g, &door, active, flags, job, depth);
+            alive = g->count - active;
+        } else if (kind == RT_BVH_PARTITION) alive = active = rti_part_rays(g, &door, active, flags, job, depth);
+        else alive = rti_mask_rays(g, &door, !node->count, flags, job, depth);
+#if RTI_STATS
+        if (flags & RTI_WALK_COUNT && alive) {
+            const bool all = kind == RT_BVH_MASKED && !node->count;
+            const uint64_t rays = kind == RT_BVH_RANGED ? rti_count_rays(g, g->order + active, alive)
+                                                        : rti_count_rays(g, g->order, alive);
+            (void)all;
+            job->stats->steps++;
+            job->stats->active += rays;
+            if (node->count) job->stats->leaves += rays;
+            else job->stats->nodes += rays;
+        }
+#endif
+        if (alive && !node->count) {
+            const rti_node *child = accel->nodes + node->index;
+            const float *a = child[0].bounds, *b = child[1].bounds;
+            const float ahead = g->way[0] * (b[0] - a[0] + (b[3] - a[3])) + g->way[1] * (b[1] - a[1] + (b[4] - a[4])) +
+                                g->way[2] * (b[2] - a[2] + (b[5] - a[5]));
+            RT_ASSERT(top < RTI_MAX_DEPTH);
+            node = ahead < 0 ? child + 1 : child;
+            stack[top].node = ahead < 0 ? child : child + 1;
+            stack[top].active = active;
+            stack[top++].depth = ++depth;
+            RTI_TALLY(job->stats, flags, pushes, 1);
+            continue;
+        }
+        if (alive) {
+            const unsigned char *list = g->order;
+            if (kind == RT_BVH_RANGED) {
+                list += active;
+                alive = rti_last_hit(g, &door, active, flags, job, depth) - active;
+            }
+            rti_large_leaf(accel, g, &door, node, list, alive, inst, job, depth);
+            if (!g->open) return;
+        }
+        if (!top) return;
+        node = stack[--top].node;
+        active = stack[top].active;
+        depth = stack[top].depth;
+    }
+}
+
+#define RTI_LARGE_WALK(name, kind, flags)                                                                           RTI_NOINLINE RTI_TARGET void name(const rt_accel *accel, rti_large *g, uint32_t inst, const rti_job *job)       {                                                                                                                   rti_large_body(accel, g, inst, kind, flags, job);                                                           }
+RTI_LARGE_WALK(rti_walk_masked, RT_BVH_MASKED, 0)
+RTI_LARGE_WALK(rti_walk_ranged, RT_BVH_RANGED, 0)
+RTI_LARGE_WALK(rti_walk_partition, RT_BVH_PARTITION, 0)
+#if RTI_STATS
+RTI_LARGE_WALK(rti_walk_masked_count, RT_BVH_MASKED, RTI_WALK_COUNT)
+RTI_LARGE_WALK(rti_walk_ranged_count, RT_BVH_RANGED, RTI_WALK_COUNT)
+RTI_LARGE_WALK(rti_walk_partition_count, RT_BVH_PARTITION, RTI_WALK_COUNT)
+#endif
+#undef RTI_LARGE_WALK
+
+/* Lanes that are not live get the org and dir of one that is, so that what bounds all rays need not leave them out, and no interval. False:
+   none is live. */
+RTI_FN bool rti_close_lanes(rti_large *g)
+{
+    const rti_packet *model = NULL;
+    int i, lane = 0, k, j;
+    g->open = 0;
+    for (i = 0; i < g->count; i++) {
+        if (!g->rays[i].live) continue;
+        g->open++;
+        if (!model) {
+            model = &g->rays[i];
+            lane = rti_lowest_bit(model->live);
+        }
+    }
+    if (!model) return false;
+    for (i = 0; i < g->count; i++) {
+        rti_packet *p = &g->rays[i];
+        if (p->live == RTI_ALL_LANES) continue;
+        if (!p->live) {
+            *p = *model;
+            p->live = p->found = 0;
+        }
+        for (j = 0; j < RTI_WIDTH; j++) {
+            if (p->live >> j & 1) continue;
+            for (k = 0; k < 3; k++) {
+                p->org[k][j] = model->org[k][lane];
+                p->dir[k][j] = model->dir[k][lane];
+            }
+            p->pad[j] = model->pad[lane];
+            p->tmin[j] = RTI_INFINITY;
+            p->t[j] = -RTI_INFINITY;
+        }
+    }
+    return true;
+}
+
+/* SIMD rays with live and found set, t and so on as rti_load_rays leaves them, through a BVH that is not empty. */
+RTI_NOINLINE RTI_TARGET void rti_large_walk(const rt_accel *accel, rti_large *g, uint32_t inst, const rti_job *job)
+{
+    int i;
+    if (!g->shared && !rti_close_lanes(g)) return;
+    rti_make_frustum(accel, g, job->cull);
+    for (i = 0; i < g->count; i++) g->order[i] = (unsigned char)i;
+#if RTI_STATS
+    if (job->stats) {
+        (job->large == RT_BVH_MASKED ? rti_walk_masked_count : job->large == RT_BVH_RANGED ? rti_walk_ranged_count
+                                     : rti_walk_partition_count)(accel, g, inst, job);
+        return;
+    }
+#endif
+    (job->large == RT_BVH_MASKED ? rti_walk_masked : job->large == RT_BVH_RANGED ? rti_walk_ranged : rti_walk_partition)(accel, g, inst, job);
+}
+
+#endif /* RTI_WIDTH > 1 */
+
+/* ---- >>batch -------------------------------------------------------------------------------------------------------- */
+
+/* Fills org, dir, tmin and t of p from n rays, at most RTI_WIDTH; answers their lanes. */
+RTI_FN unsigned rti_take_rays(const rt_ray *rays, int n, rti_packet *p)
+{
+    rt_ray padded[RTI_WIDTH];
+    int i;
+    if (n < RTI_WIDTH) {                    /* missing rays repeat the last and are not traced */
+        for (i = 0; i < RTI_WIDTH; i++) padded[i] = rays[i < n ? i : n - 1];
+        rays = padded;
+    }
+    rti_load_rays(rays, p);
+    return RTI_ALL_LANES >> (RTI_WIDTH - n);
+}
+
+/* The hits of n lanes, RTI_WIDTH or fewer. Lanes that have found nothing still have u = v = prim = inst = 0; with RT_ANY all have. */
+RTI_FN void rti_give_hits(const rti_packet *p, unsigned found, int n, bool any, rt_hit *hits)
+{
+    const rti_v none = rti_vid(RT_NONE);
+    const rti_v t = rti_vselect(found, any ? rti_vset(0) : rti_vload(p->t), rti_vset(RTI_INFINITY));
+    const rti_v prim = rti_vselect(found, rti_vload(p->prim.bits), none), inst = any ? none : rti_vselect(found, rti_vload(p->inst.bits), none);
+    float row[5][RTI_WIDTH];
+    int i;
+    rti_vstore(row[4], inst);
+#if RTI_LANES == RTI_LANES_SSE2
+    if (n == RTI_WIDTH) {                   /* t u v prim of a hit are stored at once: a transpose */
+        __m128 a = t, b = rti_vload(p->u), c = rti_vload(p->v), d = prim;
+        _MM_TRANSPOSE4_PS(a, b, c, d);
+        _mm_storeu_ps(&hits[0].t, a);
+        _mm_storeu_ps(&hits[1].t, b);
+        _mm_storeu_ps(&hits[2].t, c);
+        _mm_storeu_ps(&hits[3].t, d);
+        RTI_UNROLL
+        for (i = 0; i < RTI_WIDTH; i++) memcpy(&hits[i].inst, &row[4][i], sizeof(float));
+        return;
+    }
+#elif RTI_LANES == RTI_LANES_AVX2
+    if (n == RTI_WIDTH) {
+        const __m256 u = rti_vload(p->u), v = rti_vload(p->v);
+        const __m256 tv_lo = _mm256_unpacklo_ps(t, v), tv_hi = _mm256_unpackhi_ps(t, v);
+        const __m256 up_lo = _mm256_unpacklo_ps(u, prim), up_hi = _mm256_unpackhi_ps(u, prim);
+        const __m256 pair[4] = { _mm256_unpacklo_ps(tv_lo, up_lo), _mm256_unpackhi_ps(tv_lo, up_lo),
+                                 _mm256_unpacklo_ps(tv_hi, up_hi), _mm256_unpackhi_ps(tv_hi, up_hi) };
+        RTI_UNROLL
+        for (i = 0; i < 4; i++) {           /* hits i and i + 4 */
+            _mm_storeu_ps(&hits[i].t, _mm256_castps256_ps128(pair[i]));
+            _mm_storeu_ps(&hits[i + 4].t, _mm256_extractf128_ps(pair[i], 1));
+        }
+        RTI_UNROLL
+        for (i = 0; i < RTI_WIDTH; i++) memcpy(&hits[i].inst, &row[4][i], sizeof(float));
+        return;
+    }
+#endif
+    rti_vstore(row[0], t);
+    rti_vstore(row[1], rti_vload(p->u));
+    rti_vstore(row[2], rti_vload(p->v));
+    rti_vstore(row[3], prim);
+    for (i = 0; i < n; i++) {
+        hits[i].t = row[0][i];
+        hits[i].u = row[1][i];
+        hits[i].v = row[2][i];
+        memcpy(&hits[i].prim, &row[3][i], sizeof(float));
+        memcpy(&hits[i].inst, &row[4][i], sizeof(float));
+    }
+}
+
+RTI_NOINLINE RTI_TARGET void rti_batch(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
+{
+    size_t first;
+    for (first = 0; first < count; first += RTI_WIDTH) {
+        const int n = count - first < RTI_WIDTH ? (int)(count - first) : RTI_WIDTH;
+        rti_packet p;
+        const unsigned live = rti_prepare(accel, &p, rti_take_rays(rays + first, n, &p));
+#if RTI_STATS
+        if (job->stats) job->stats->rays += (uint64_t)rti_bit_count(live);
+#endif
+        rti_give_hits(&p, rti_walk(accel, &p, live, RT_NONE, job), n, job->query == RT_ANY, hits + first);
+    }
+}
+
+#if RTI_WIDTH > 1
+/* A large packet is read in a burst, with long pauses, which processors do not foresee: what comes next is asked for meanwhile. */
+RTI_FN void rti_fetch(const rt_ray *rays, const rt_hit *hits)
+{
+    int i;
+    RTI_UNROLL
+    for (i = 0; i < RTI_WIDTH; i += 2) RTI_PREFETCH(rays + i);          /* a line has 2 rays, or 3.2 hits */
+    RTI_UNROLL
+    for (i = 0; i < RTI_WIDTH; i += 3) RTI_PREFETCH(hits + i);
+}
+
+RTI_FN void rti_batch_packets(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits, rti_packet *packets)
+{
+    const size_t side = (size_t)job->side * (size_t)job->side;
+    size_t first;
+    rti_large g;
+    g.rays = packets;
+    for (first = 0; first < count; first += side) {
+        const int n = count - first < side ? (int)(count - first) : (int)side;
+        int i;
+        for (i = g.count = 0; i < n; i += RTI_WIDTH, g.count++) {
+            rti_packet *p = &packets[g.count];
+            p->live = rti_take_rays(rays + first + i, n - i < RTI_WIDTH ? n - i : RTI_WIDTH, p);
+            p->found = 0;
+        }
+        g.open = g.count;
+        g.shared = n % RTI_WIDTH == 0 && rti_prepare_shared(accel, &g);
+        for (i = 0; i < g.count && !g.shared; i++) packets[i].live = rti_prepare(accel, &packets[i], packets[i].live);
+#if RTI_STATS
+        for (i = 0; i < g.count && job->stats; i++) job->stats->rays += (uint64_t)rti_bit_count(packets[i].live);
+#endif
+        if (accel->node_count) rti_large_walk(accel, &g, RT_NONE, job);
+        for (i = g.count = 0; i < n; i += RTI_WIDTH, g.count++) {
+            if (first + 3 * side < count) rti_fetch(rays + first + 2 * side + i, hits + first + side + i);
+            rti_give_hits(&packets[g.count], packets[g.count].found, n - i < RTI_WIDTH ? n - i : RTI_WIDTH, job->query == RT_ANY,
+                          hits + first + i);
+        }
+    }
+}
+
+/* Packets of up to 16 x 16 rays, and of up to 32 x 32, which take four times the stack. */
+RTI_NOINLINE RTI_TARGET void rti_batch_large(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
+{
+    rti_packet packets[RTI_SIMD_RAYS / 4];
+    rti_batch_packets(accel, job, rays, count, hits, packets);
+}
+RTI_NOINLINE RTI_TARGET void rti_batch_largest(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
+{
+    rti_packet packets[RTI_SIMD_RAYS];
+    rti_batch_packets(accel, job, rays, count, hits, packets);
+}
+#endif
 
 /* ---- >>cover -------------------------------------------------------------------------------------------------------- */
 
@@ -5839,7 +6874,7 @@ RTI_NOINLINE RTI_TARGET void rti_cover_queue(const rt_raster *r, const rti_block
 #endif
 #if RTI_INSTANCES
         else if (count) {
-            static const rti_job job = { RT_CLOSEST, NULL, RT_KD_STACK, 0 };
+            static const rti_job job = { RT_CLOSEST, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE };
             const uint32_t number = (uint32_t)(prim - balls);
             for (i = 0; i < count; i++) {
                 k = chosen[i];
@@ -5975,6 +7010,9 @@ RTI_NOINLINE RTI_TARGET void rti_cover(const rt_raster *r, const rti_block *b)
 #undef rti_narrow
 #undef rti_packet
 #undef rti_load_rays
+#undef rti_orient
+#undef rti_least
+#undef rti_invert_dir
 #undef rti_prepare
 #undef rti_slab
 #undef rti_make_slab
@@ -5987,8 +7025,14 @@ RTI_NOINLINE RTI_TARGET void rti_cover(const rt_raster *r, const rti_block *b)
 #undef rti_edge_exact
 #undef rti_product
 #undef rti_dot_exact
+#undef rti_shear
+#undef rti_make_shear
+#undef rti_corners
+#undef rti_hit_triangle
 #undef rti_hit_triangles
 #undef rti_hit_spheres
+#undef rti_enter_instance
+#undef rti_leave_instance
 #undef rti_hit_instances
 #undef rti_hit_leaf
 #undef rti_walk_body
@@ -6021,6 +7065,51 @@ RTI_NOINLINE RTI_TARGET void rti_cover(const rt_raster *r, const rti_block *b)
 #undef rti_kd_stack_closest_all
 #undef rti_kd_stack_any_all
 #undef rti_kd_walk
+#undef rti_vfma
+#undef rti_frustum
+#undef rti_large
+#undef rti_door
+#undef rti_make_door
+#undef rti_pass
+#undef rti_stretch_lanes
+#undef rti_range
+#undef rti_no_range
+#undef rti_range_add
+#undef rti_prepare_shared
+#undef rti_survey_slopes
+#undef rti_bound_general
+#undef rti_make_frustum
+#undef rti_cull_box
+#undef rti_facets
+#undef rti_edges
+#undef rti_between_planes
+#undef rti_hit_facets
+#undef rti_note
+#undef rti_count_rays
+#undef rti_large_triangles
+#undef rti_large_instances
+#undef rti_large_leaf
+#undef rti_ask
+#undef rti_beside
+#undef rti_first_hit
+#undef rti_last_hit
+#undef rti_part_rays
+#undef rti_mask_rays
+#undef rti_large_body
+#undef rti_walk_masked
+#undef rti_walk_ranged
+#undef rti_walk_partition
+#undef rti_walk_masked_count
+#undef rti_walk_ranged_count
+#undef rti_walk_partition_count
+#undef rti_close_lanes
+#undef rti_large_walk
+#undef rti_take_rays
+#undef rti_give_hits
+#undef rti_fetch
+#undef rti_batch_packets
+#undef rti_batch_large
+#undef rti_batch_largest
 #undef rti_batch
 #undef rti_triangles_from_eye
 #undef rti_wide_row
@@ -6033,6 +7122,9 @@ RTI_NOINLINE RTI_TARGET void rti_cover(const rt_raster *r, const rti_block *b)
 #undef rti_note_hits
 #undef rti_cover_queue
 #undef rti_cover
+#undef RTI_SIMD_RAYS
+#undef RTI_STEEP
+#undef RTI_NESTED
 #undef RTI_FN
 #undef RTI_ALL_LANES
 #undef RTI_WIDTH
