@@ -4015,11 +4015,13 @@ static void rtt_test_camera(void)
 /* A white floor, a sphere above its middle, a lamp above that; the camera looks down from the side. */
 static void rtt_room(rtt_model *model, rt_scene *scene, rt_geometry *geometry, rt_accel **accel)
 {
-    static const rt_material materials[] = { { { 0.8f, 0.8f, 0.8f }, { 0, 0, 0 }, { 0, 0, 0 }, 1 },
-                                             { { 0.7f, 0.1f, 0.1f }, { 0.5f, 0.5f, 0.5f }, { 0, 0, 0 }, 30 } };
+    static rt_material materials[2];
     static const uint32_t ids[] = { 0, 0, 1 };
     static const rt_light light = { { 0, 8, 0 }, { 0.9f, 0.9f, 0.9f } };
 
+    materials[0].diffuse = rtt_v(0.8f, 0.8f, 0.8f);
+    materials[1].diffuse = rtt_v(0.7f, 0.1f, 0.1f);
+    materials[1].specular = rtt_v(0.5f, 0.5f, 0.5f), materials[1].shininess = 30;
     rtt_quad(model, rtt_v(-4, 0, -4), rtt_v(0, 0, 8), rtt_v(8, 0, 0));
     rtt_ball(model, rtt_v(0, 2, 0), 1);
     *geometry = rtt_geometry(model);
@@ -4054,7 +4056,7 @@ static void rtt_test_render(void)
     for (int spp = 1; spp <= 4; spp += 3)
         for (size_t w = 0; w <= rtt_way_count; w++) {
             rt_render_options options;
-            rt_ray_counts counts = { 0, 0 }, sum = { 0, 0 };
+            rt_ray_counts counts = { 0, 0, 0, 0 }, sum = { 0, 0, 0, 0 };
             uint32_t order[64];
 
             scene.accel = w ? rtt_accels_for(&accels, &rtt_ways[w - 1]) : accel;
@@ -5776,7 +5778,8 @@ static void rtt_test_procedural(void)
         { "rings:3", 2 + 420 * 2 * SCENE_CONE_SEGMENTS, 420, 841 }, { "rings:5", 2 + 1650 * 2 * SCENE_CONE_SEGMENTS, 1650, 3301 },
         { "tetra:1", 4, 0, 4 }, { "tetra:4", 256, 0, 256 }, { "tetra:6", 4096, 0, 4096 },
         { "cloud:1", 1, 0, 1 }, { "cloud:1000", 1000, 0, 1000 }, { "terrain:2", 2, 0, 2 }, { "terrain:20000", 20000, 0, 20000 },
-        { "sphere:8", 8, 0, 8 }, { "sphere:1000", 960, 0, 960 }, { "sphere:100000", 100488, 0, 100488 }
+        { "sphere:8", 8, 0, 8 }, { "sphere:1000", 960, 0, 960 }, { "sphere:100000", 100488, 0, 100488 },
+        { "mirrors:1", 116, 3, 61 }, { "mirrors:4", 440, 12, 232 }, { "glass:1", 140, 2, 72 }, { "glass:3", 300, 10, 160 }
     };
     static const struct { const char *name, *report; } bad[] = {
         { "balls:0", "balls:0: balls:N needs a whole N from 1 to 8\n" }, { "balls:9", "balls:9: balls:N needs a whole N from 1 to 8\n" },
@@ -5786,10 +5789,10 @@ static void rtt_test_procedural(void)
               "terrain:1.5: terrain:N needs a whole N from 2 to 100000000\n" },
         { "sphere:99999999999999999999", "sphere:99999999999999999999: sphere:N needs a whole N from 8 to 100000000\n" },
         { "cornell:1", "cornell:1: cornell takes no number\n" },
-        { "teapot", "teapot: neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N\n" },
-        { "a.ply", "a.ply: neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N\n" },
-        { "", ": neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N\n" },
-        { "ball:3", "ball:3: neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N\n" }
+        { "teapot", "teapot: neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N, mirrors:N, glass:N\n" },
+        { "a.ply", "a.ply: neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N, mirrors:N, glass:N\n" },
+        { "", ": neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N, mirrors:N, glass:N\n" },
+        { "ball:3", "ball:3: neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N, mirrors:N, glass:N\n" }
     };
     size_t i, k;
 
