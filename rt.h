@@ -4189,33 +4189,43 @@ typedef struct {
 
 static rt_vec3 rti_vertex(const float *v) { return rti_vec3(v[0], v[1], v[2]); }
 
+RTI_INLINE const float *rti_corner(const rt_geometry *geo, size_t corner)
+{
+    const size_t stride = geo->vertex_stride ? geo->vertex_stride : 3 * sizeof(float), i = geo->indices ? geo->indices[corner] : corner;
+    return (const float *)(const void *)((const char *)geo->vertices + i * stride);
+}
+
+/* The mean of three vectors by the weights of a hit; in one expression a component, which the compiler keeps in registers. */
+RTI_INLINE rt_vec3 rti_blend(const rt_hit *hit, const rt_vec3 *a, const rt_vec3 *b, const rt_vec3 *c)
+{
+    const float u = hit->u, v = hit->v, w = 1 - u - v;
+    return rti_vec3(a->x * w + b->x * u + c->x * v, a->y * w + b->y * u + c->y * v, a->z * w + b->z * u + c->z * v);
+}
+
 /* Normals, of any length, and material of a hit on a primitive of scene's own geometry, in its space. */
-static const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *hit, rt_vec3 point, rt_vec3 *geometric, rt_vec3 *shading,
-                                      rt_vec3 *color)
+RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *hit, rt_vec3 point, rt_vec3 *geometric, rt_vec3 *shading,
+                                          rt_vec3 *color)
 {
     static const rt_material grey = { { 0.7f, 0.7f, 0.7f }, { 0, 0, 0 }, { 0, 0, 0 }, 1, { 0, 0, 0 }, { 0, 0, 0 }, { 0, 0, 0 }, 1, false };
     const rt_geometry *geo = scene->geometry;
     RT_ASSERT(!scene->material_count || !scene->material_ids || scene->material_ids[hit->prim] < scene->material_count);
     *color = rti_vec3(1, 1, 1);
     if (hit->prim < geo->triangle_count) {
-        const float weights[3] = { 1 - hit->u - hit->v, hit->u, hit->v };
         const size_t corner = 3 * (size_t)hit->prim;
-        float v[9];
-        int k;
-        (void)rti_fetch_triangle(geo, hit->prim, v);
-        *geometric = *shading = rti_cross(rti_sub(rti_vertex(v + 3), rti_vertex(v)), rti_sub(rti_vertex(v + 6), rti_vertex(v)));
-        if (scene->normals && scene->normal_indices[corner] != RT_NONE) {
-            rt_vec3 normal = rti_scale(scene->normals[scene->normal_indices[corner]], weights[0]);
-            for (k = 1; k < 3; k++)
-                normal = rti_add(normal, rti_scale(scene->normals[scene->normal_indices[corner + (size_t)k]], weights[k]));
-            if (rti_largest(normal) > 0) *shading = normal;
+        const float *p = rti_corner(geo, corner), *q = rti_corner(geo, corner + 1), *r = rti_corner(geo, corner + 2);
+        *geometric = rti_cross(rti_vec3(q[0] - p[0], q[1] - p[1], q[2] - p[2]), rti_vec3(r[0] - p[0], r[1] - p[1], r[2] - p[2]));
+        *shading = *geometric;
+        if (scene->normals) {
+            const uint32_t *n = scene->normal_indices + corner;
+            if (n[0] != RT_NONE) {
+                const rt_vec3 normal = rti_blend(hit, &scene->normals[n[0]], &scene->normals[n[1]], &scene->normals[n[2]]);
+                if (normal.x != 0 || normal.y != 0 || normal.z != 0) *shading = normal;
+            }
         }
         if (scene->colors) {
-            *color = rti_vec3(0, 0, 0);
-            for (k = 0; k < 3; k++) {
-                size_t at = corner + (size_t)k;
-                *color = rti_add(*color, rti_scale(scene->colors[geo->indices ? geo->indices[at] : at], weights[k]));
-            }
+            const size_t i = geo->indices ? geo->indices[corner] : corner, j = geo->indices ? geo->indices[corner + 1] : corner + 1;
+            const size_t k = geo->indices ? geo->indices[corner + 2] : corner + 2;
+            *color = rti_blend(hit, &scene->colors[i], &scene->colors[j], &scene->colors[k]);
         }
     }
 #if RTI_SPHERES
@@ -4235,7 +4245,7 @@ static rt_vec3 rti_world_normal(const float inverse[12], rt_vec3 n)
 }
 
 /* The same of a hit within an instance. */
-static const rt_material *rti_look_into(const rt_scene *scene, const rt_hit *hit, rt_vec3 at, rt_vec3 *geometric, rt_vec3 *shading,
+RTI_NOINLINE const rt_material *rti_look_into(const rt_scene *scene, const rt_hit *hit, rt_vec3 at, rt_vec3 *geometric, rt_vec3 *shading,
                                         rt_vec3 *color)
 {
     const rt_accel *accel = scene->accel;
