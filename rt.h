@@ -4202,8 +4202,18 @@ RTI_INLINE rt_vec3 rti_blend(const rt_hit *hit, const rt_vec3 *a, const rt_vec3 
     return rti_vec3(a->x * w + b->x * u + c->x * v, a->y * w + b->y * u + c->y * v, a->z * w + b->z * u + c->z * v);
 }
 
-/* Normals, of any length, and material of a hit on a primitive of scene's own geometry, in its space. */
-RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *hit, rt_vec3 point, rt_vec3 *geometric, rt_vec3 *shading,
+static void rti_put(const rti_surfaces *s, int lane, size_t i, rt_vec3 v)
+{
+    s->lane[lane][i] = v.x;
+    s->lane[lane + 1][i] = v.y;
+    s->lane[lane + 2][i] = v.z;
+}
+
+static rt_vec3 rti_get(const rti_surfaces *s, int lane, size_t i) { return rti_vec3(s->lane[lane][i], s->lane[lane + 1][i], s->lane[lane + 2][i]); }
+
+/* Writes surface i's normals, of any length, and what its diffuse colour is to be multiplied by; answers its material. Of a hit on a
+   primitive of scene's own geometry, in its space. */
+RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *hit, rt_vec3 point, const rti_surfaces *s, size_t i,
                                           rt_vec3 *color)
 {
     static const rt_material grey = { { 0.7f, 0.7f, 0.7f }, { 0, 0, 0 }, { 0, 0, 0 }, 1, { 0, 0, 0 }, { 0, 0, 0 }, { 0, 0, 0 }, 1, false };
@@ -4213,23 +4223,28 @@ RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *h
     if (hit->prim < geo->triangle_count) {
         const size_t corner = 3 * (size_t)hit->prim;
         const float *p = rti_corner(geo, corner), *q = rti_corner(geo, corner + 1), *r = rti_corner(geo, corner + 2);
-        *geometric = rti_cross(rti_vec3(q[0] - p[0], q[1] - p[1], q[2] - p[2]), rti_vec3(r[0] - p[0], r[1] - p[1], r[2] - p[2]));
-        *shading = *geometric;
+        const rt_vec3 flat = rti_cross(rti_vec3(q[0] - p[0], q[1] - p[1], q[2] - p[2]), rti_vec3(r[0] - p[0], r[1] - p[1], r[2] - p[2]));
+        rti_put(s, RTI_GEOMETRIC, i, flat);
+        rti_put(s, RTI_NORMAL, i, flat);
         if (scene->normals) {
             const uint32_t *n = scene->normal_indices + corner;
             if (n[0] != RT_NONE) {
-                const rt_vec3 normal = rti_blend(hit, &scene->normals[n[0]], &scene->normals[n[1]], &scene->normals[n[2]]);
-                if (normal.x != 0 || normal.y != 0 || normal.z != 0) *shading = normal;
+                const rt_vec3 smooth = rti_blend(hit, &scene->normals[n[0]], &scene->normals[n[1]], &scene->normals[n[2]]);
+                if (smooth.x != 0 || smooth.y != 0 || smooth.z != 0) rti_put(s, RTI_NORMAL, i, smooth);
             }
         }
         if (scene->colors) {
-            const size_t i = geo->indices ? geo->indices[corner] : corner, j = geo->indices ? geo->indices[corner + 1] : corner + 1;
-            const size_t k = geo->indices ? geo->indices[corner + 2] : corner + 2;
-            *color = rti_blend(hit, &scene->colors[i], &scene->colors[j], &scene->colors[k]);
+            const uint32_t *v = geo->indices ? geo->indices + corner : NULL;
+            *color = rti_blend(hit, &scene->colors[v ? v[0] : corner], &scene->colors[v ? v[1] : corner + 1],
+                               &scene->colors[v ? v[2] : corner + 2]);
         }
     }
 #if RTI_SPHERES
-    else *geometric = *shading = rti_sub(point, geo->spheres[hit->prim - geo->triangle_count].center);
+    else {
+        const rt_vec3 out = rti_sub(point, geo->spheres[hit->prim - geo->triangle_count].center);
+        rti_put(s, RTI_GEOMETRIC, i, out);
+        rti_put(s, RTI_NORMAL, i, out);
+    }
 #else
     (void)point;
 #endif
@@ -4245,8 +4260,8 @@ static rt_vec3 rti_world_normal(const float inverse[12], rt_vec3 n)
 }
 
 /* The same of a hit within an instance. */
-RTI_NOINLINE const rt_material *rti_look_into(const rt_scene *scene, const rt_hit *hit, rt_vec3 at, rt_vec3 *geometric, rt_vec3 *shading,
-                                        rt_vec3 *color)
+RTI_NOINLINE const rt_material *rti_look_into(const rt_scene *scene, const rt_hit *hit, rt_vec3 at, const rti_surfaces *s, size_t i,
+                                              rt_vec3 *color)
 {
     const rt_accel *accel = scene->accel;
     const rt_material *material;
@@ -4263,9 +4278,9 @@ RTI_NOINLINE const rt_material *rti_look_into(const rt_scene *scene, const rt_hi
         inst = inst - accel->instance_bases[number] - 1;
         accel = scene->accel;
     }
-    material = rti_look_up(scene, hit, rti_vertex(org), geometric, shading, color);
-    *geometric = rti_world_normal(inverse, *geometric);
-    *shading = rti_world_normal(inverse, *shading);
+    material = rti_look_up(scene, hit, rti_vertex(org), s, i, color);
+    rti_put(s, RTI_GEOMETRIC, i, rti_world_normal(inverse, rti_get(s, RTI_GEOMETRIC, i)));
+    rti_put(s, RTI_NORMAL, i, rti_world_normal(inverse, rti_get(s, RTI_NORMAL, i)));
     return material;
 }
 #endif
@@ -4287,58 +4302,46 @@ static rt_vec3 rti_dim(rt_vec3 absorb, float length)
     return rti_vec3(expf(-rti_positive(absorb.x) * length), expf(-rti_positive(absorb.y) * length), expf(-rti_positive(absorb.z) * length));
 }
 
-static void rti_put(const rti_surfaces *s, int lane, size_t i, rt_vec3 v)
-{
-    s->lane[lane][i] = v.x;
-    s->lane[lane + 1][i] = v.y;
-    s->lane[lane + 2][i] = v.z;
-}
-
-static rt_vec3 rti_get(const rti_surfaces *s, int lane, size_t i) { return rti_vec3(s->lane[lane][i], s->lane[lane + 1][i], s->lane[lane + 2][i]); }
-
 /* From the n hits of a batch to the surfaces that they are on, whose number is answered; adds what those glow, and the background. */
 static size_t rti_look_at(rti_render *r, size_t n, bool last)
 {
     const rt_scene *scene = r->scene;
+    const rti_surfaces s = r->surfaces;
     size_t i, seen = 0;
     r->shiny_count = 0;
     for (i = 0; i < n; i++) {
         const rt_ray *ray = &r->rays[i];
         const rt_hit *hit = &r->hits[i];
         const rt_material *material;
-        rti_path path = r->paths[i];
-        rt_vec3 point, geometric, shading, color;
-        bool transmits, shines;
+        rti_path *path = &r->paths[seen];
+        rt_vec3 *tint = &r->tints[seen], *sum, point;
+        bool transmits;
+        *path = r->paths[i];
+        sum = &r->sums[path->pixel];
         if (hit->prim == RT_NONE) {
-            rti_add_to(&r->sums[path.pixel], path.weight, scene->background);
+            rti_add_to(sum, path->weight, scene->background);
             continue;
         }
         point = rti_add(ray->org, rti_scale(ray->dir, hit->t));
+        rti_put(&s, RTI_POINT, seen, point);
+        rti_put(&s, RTI_VIEW, seen, ray->dir);
+        s.lane[RTI_OFFSET][seen] = hit->t;
 #if RTI_INSTANCES
-        if (hit->inst != RT_NONE) material = rti_look_into(scene, hit, point, &geometric, &shading, &color);
+        if (hit->inst != RT_NONE) material = rti_look_into(scene, hit, point, &s, seen, tint);
         else
 #endif
-            material = rti_look_up(scene, hit, point, &geometric, &shading, &color);
-        transmits = rti_any(material->transmit);
-        shines = transmits || rti_any(material->reflect);
-        if (path.medium || shines) {
-            const bool inside = rti_dot(geometric, ray->dir) > 0;
-            if (inside && transmits) path.medium = material;
-            if (path.medium && rti_any(path.medium->absorb))
-                path.weight = rti_mul(path.weight, rti_dim(path.medium->absorb, hit->t * sqrtf(rti_dot(ray->dir, ray->dir))));
-            r->inside[seen] = inside;
-            if (shines && !last) r->shiny[r->shiny_count++] = (unsigned short)seen;
-        }
-        r->paths[seen] = path;
+            material = rti_look_up(scene, hit, point, &s, seen, tint);
         r->materials[seen] = material;
-        r->tints[seen] = rti_mul(rti_mul(path.weight, color), material->diffuse);
-        rti_add_to(&r->sums[path.pixel], path.weight, material->emission);
-        rti_add_to(&r->sums[path.pixel], r->tints[seen], scene->ambient);
-        rti_put(&r->surfaces, RTI_POINT, seen, point);
-        rti_put(&r->surfaces, RTI_VIEW, seen, ray->dir);
-        rti_put(&r->surfaces, RTI_GEOMETRIC, seen, geometric);
-        rti_put(&r->surfaces, RTI_NORMAL, seen, shading);
-        r->surfaces.lane[RTI_OFFSET][seen] = hit->t;
+        transmits = rti_any(material->transmit);
+        if (path->medium || transmits || rti_any(material->reflect)) {
+            r->inside[seen] = rti_dot(rti_get(&s, RTI_GEOMETRIC, seen), ray->dir) > 0;
+            if (r->inside[seen] && transmits) path->medium = material;
+            if (path->medium && rti_any(path->medium->absorb))
+                path->weight = rti_mul(path->weight, rti_dim(path->medium->absorb, hit->t * sqrtf(rti_dot(ray->dir, ray->dir))));
+            if (!last && (transmits || rti_any(material->reflect))) r->shiny[r->shiny_count++] = (unsigned short)seen;
+        }
+        *tint = rti_mul(rti_mul(path->weight, *tint), material->diffuse);
+        *sum = rti_add(*sum, rti_add(rti_mul(path->weight, material->emission), rti_mul(*tint, scene->ambient)));
         seen++;
     }
     return seen;
