@@ -3278,7 +3278,7 @@ RTI_INLINE double rti_drift(const rti_lens *lens, double reach) { return (reach 
 
 #ifndef RT_NO_SHADING
 
-/* What >>shading gathers from the hits of a batch and the kernels of >>shade work on: an array of floats for each of these. */
+/* What >>shading gathers from the hits of a batch and the kernels of >>shade work on: numbers of 8 surfaces side by side. */
 typedef enum {
     RTI_POINT     = 0,                      /* x, y, z: where the ray ends; then where secondary rays start, in front of the surface */
     RTI_VIEW      = 3,                      /* the ray's dir; then of unit length, towards where it came from */
@@ -3291,10 +3291,13 @@ typedef enum {
     RTI_LANE_COUNT = 18
 } rti_lane;
 
-typedef struct { float *lane[RTI_LANE_COUNT]; } rti_surfaces;      /* space for whole packets: kernels read and write up to 7 more than asked */
+#define RTI_ABREAST 8
 
-typedef void (*rti_finish_function)(const rti_surfaces *s, size_t count);
-typedef void (*rti_aim_function)(const rti_surfaces *s, size_t count, rt_vec3 light);
+typedef struct { float lane[RTI_LANE_COUNT][RTI_ABREAST]; } RTI_ALIGNED(32) rti_surfaces;
+
+/* count surfaces; what is behind them in their last rti_surfaces is read and written too. */
+typedef void (*rti_finish_function)(rti_surfaces *s, size_t count);
+typedef void (*rti_aim_function)(rti_surfaces *s, size_t count, rt_vec3 light);
 
 #endif
 
@@ -4177,7 +4180,7 @@ typedef struct {
     bool *inside;                           /* the surface was met from its inside; known where there is more to trace */
     unsigned short *shiny, *lit;            /* surfaces that reflect or transmit; that the shadow rays start from */
     size_t shiny_count;
-    rti_surfaces surfaces;
+    rti_surfaces *surfaces;
 
     rt_vec3 *sums;                          /* of the block's pixels */
     rt_ray *waiting_rays;
@@ -4202,48 +4205,52 @@ RTI_INLINE rt_vec3 rti_blend(const rt_hit *hit, const rt_vec3 *a, const rt_vec3 
     return rti_vec3(a->x * w + b->x * u + c->x * v, a->y * w + b->y * u + c->y * v, a->z * w + b->z * u + c->z * v);
 }
 
-static void rti_put(const rti_surfaces *s, int lane, size_t i, rt_vec3 v)
+/* The numbers of surface i stand RTI_ABREAST apart from there. */
+RTI_INLINE float *rti_lanes(rti_surfaces *s, size_t i) { return s[i / RTI_ABREAST].lane[0] + i % RTI_ABREAST; }
+
+RTI_INLINE void rti_put(float *lanes, int lane, rt_vec3 v)
 {
-    s->lane[lane][i] = v.x;
-    s->lane[lane + 1][i] = v.y;
-    s->lane[lane + 2][i] = v.z;
+    lanes[lane * RTI_ABREAST] = v.x;
+    lanes[(lane + 1) * RTI_ABREAST] = v.y;
+    lanes[(lane + 2) * RTI_ABREAST] = v.z;
 }
 
-static rt_vec3 rti_get(const rti_surfaces *s, int lane, size_t i) { return rti_vec3(s->lane[lane][i], s->lane[lane + 1][i], s->lane[lane + 2][i]); }
+RTI_INLINE rt_vec3 rti_get(const float *lanes, int lane)
+{
+    return rti_vec3(lanes[lane * RTI_ABREAST], lanes[(lane + 1) * RTI_ABREAST], lanes[(lane + 2) * RTI_ABREAST]);
+}
 
-/* Writes surface i's normals, of any length, and what its diffuse colour is to be multiplied by; answers its material. Of a hit on a
+/* Writes a surface's normals, of any length, and multiplies tint by its colours; answers its material. Of a hit on a
    primitive of scene's own geometry, in its space. */
-RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *hit, rt_vec3 point, const rti_surfaces *s, size_t i,
-                                          rt_vec3 *color)
+RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *hit, rt_vec3 point, float *lanes, rt_vec3 *tint)
 {
     static const rt_material grey = { { 0.7f, 0.7f, 0.7f }, { 0, 0, 0 }, { 0, 0, 0 }, 1, { 0, 0, 0 }, { 0, 0, 0 }, { 0, 0, 0 }, 1, false };
     const rt_geometry *geo = scene->geometry;
     RT_ASSERT(!scene->material_count || !scene->material_ids || scene->material_ids[hit->prim] < scene->material_count);
-    *color = rti_vec3(1, 1, 1);
     if (hit->prim < geo->triangle_count) {
         const size_t corner = 3 * (size_t)hit->prim;
         const float *p = rti_corner(geo, corner), *q = rti_corner(geo, corner + 1), *r = rti_corner(geo, corner + 2);
         const rt_vec3 flat = rti_cross(rti_vec3(q[0] - p[0], q[1] - p[1], q[2] - p[2]), rti_vec3(r[0] - p[0], r[1] - p[1], r[2] - p[2]));
-        rti_put(s, RTI_GEOMETRIC, i, flat);
-        rti_put(s, RTI_NORMAL, i, flat);
+        rti_put(lanes, RTI_GEOMETRIC, flat);
+        rti_put(lanes, RTI_NORMAL, flat);
         if (scene->normals) {
             const uint32_t *n = scene->normal_indices + corner;
             if (n[0] != RT_NONE) {
                 const rt_vec3 smooth = rti_blend(hit, &scene->normals[n[0]], &scene->normals[n[1]], &scene->normals[n[2]]);
-                if (smooth.x != 0 || smooth.y != 0 || smooth.z != 0) rti_put(s, RTI_NORMAL, i, smooth);
+                if (smooth.x != 0 || smooth.y != 0 || smooth.z != 0) rti_put(lanes, RTI_NORMAL, smooth);
             }
         }
         if (scene->colors) {
             const uint32_t *v = geo->indices ? geo->indices + corner : NULL;
-            *color = rti_blend(hit, &scene->colors[v ? v[0] : corner], &scene->colors[v ? v[1] : corner + 1],
-                               &scene->colors[v ? v[2] : corner + 2]);
+            *tint = rti_mul(*tint, rti_blend(hit, &scene->colors[v ? v[0] : corner], &scene->colors[v ? v[1] : corner + 1],
+                                             &scene->colors[v ? v[2] : corner + 2]));
         }
     }
 #if RTI_SPHERES
     else {
         const rt_vec3 out = rti_sub(point, geo->spheres[hit->prim - geo->triangle_count].center);
-        rti_put(s, RTI_GEOMETRIC, i, out);
-        rti_put(s, RTI_NORMAL, i, out);
+        rti_put(lanes, RTI_GEOMETRIC, out);
+        rti_put(lanes, RTI_NORMAL, out);
     }
 #else
     (void)point;
@@ -4260,8 +4267,7 @@ static rt_vec3 rti_world_normal(const float inverse[12], rt_vec3 n)
 }
 
 /* The same of a hit within an instance. */
-RTI_NOINLINE const rt_material *rti_look_into(const rt_scene *scene, const rt_hit *hit, rt_vec3 at, const rti_surfaces *s, size_t i,
-                                              rt_vec3 *color)
+RTI_NOINLINE const rt_material *rti_look_into(const rt_scene *scene, const rt_hit *hit, rt_vec3 at, float *lanes, rt_vec3 *tint)
 {
     const rt_accel *accel = scene->accel;
     const rt_material *material;
@@ -4278,9 +4284,9 @@ RTI_NOINLINE const rt_material *rti_look_into(const rt_scene *scene, const rt_hi
         inst = inst - accel->instance_bases[number] - 1;
         accel = scene->accel;
     }
-    material = rti_look_up(scene, hit, rti_vertex(org), s, i, color);
-    rti_put(s, RTI_GEOMETRIC, i, rti_world_normal(inverse, rti_get(s, RTI_GEOMETRIC, i)));
-    rti_put(s, RTI_NORMAL, i, rti_world_normal(inverse, rti_get(s, RTI_NORMAL, i)));
+    material = rti_look_up(scene, hit, rti_vertex(org), lanes, tint);
+    rti_put(lanes, RTI_GEOMETRIC, rti_world_normal(inverse, rti_get(lanes, RTI_GEOMETRIC)));
+    rti_put(lanes, RTI_NORMAL, rti_world_normal(inverse, rti_get(lanes, RTI_NORMAL)));
     return material;
 }
 #endif
@@ -4296,6 +4302,11 @@ static bool rti_counts(rt_vec3 weight)      /* false for NaN */
 
 static float rti_positive(float x) { return x > 0 ? x : 0; }        /* of NaN: 0 */
 
+static bool rti_is_shiny(const rt_material *m)        /* true for NaN */
+{
+    return m->reflect.x + m->reflect.y + m->reflect.z + m->transmit.x + m->transmit.y + m->transmit.z != 0;
+}
+
 /* How much of the light is left after that length. */
 static rt_vec3 rti_dim(rt_vec3 absorb, float length)
 {
@@ -4306,7 +4317,6 @@ static rt_vec3 rti_dim(rt_vec3 absorb, float length)
 static size_t rti_look_at(rti_render *r, size_t n, bool last)
 {
     const rt_scene *scene = r->scene;
-    const rti_surfaces s = r->surfaces;
     size_t i, seen = 0;
     r->shiny_count = 0;
     for (i = 0; i < n; i++) {
@@ -4315,7 +4325,7 @@ static size_t rti_look_at(rti_render *r, size_t n, bool last)
         const rt_material *material;
         rti_path *path = &r->paths[seen];
         rt_vec3 *tint = &r->tints[seen], *sum, point;
-        bool transmits;
+        float *lanes = rti_lanes(r->surfaces, seen);
         *path = r->paths[i];
         sum = &r->sums[path->pixel];
         if (hit->prim == RT_NONE) {
@@ -4323,24 +4333,28 @@ static size_t rti_look_at(rti_render *r, size_t n, bool last)
             continue;
         }
         point = rti_add(ray->org, rti_scale(ray->dir, hit->t));
-        rti_put(&s, RTI_POINT, seen, point);
-        rti_put(&s, RTI_VIEW, seen, ray->dir);
-        s.lane[RTI_OFFSET][seen] = hit->t;
+        rti_put(lanes, RTI_POINT, point);
+        rti_put(lanes, RTI_VIEW, ray->dir);
+        lanes[RTI_OFFSET * RTI_ABREAST] = hit->t;
+        *tint = path->weight;
 #if RTI_INSTANCES
-        if (hit->inst != RT_NONE) material = rti_look_into(scene, hit, point, &s, seen, tint);
+        if (hit->inst != RT_NONE) material = rti_look_into(scene, hit, point, lanes, tint);
         else
 #endif
-            material = rti_look_up(scene, hit, point, &s, seen, tint);
+            material = rti_look_up(scene, hit, point, lanes, tint);
         r->materials[seen] = material;
-        transmits = rti_any(material->transmit);
-        if (path->medium || transmits || rti_any(material->reflect)) {
-            r->inside[seen] = rti_dot(rti_get(&s, RTI_GEOMETRIC, seen), ray->dir) > 0;
+        if (path->medium || rti_is_shiny(material)) {
+            const bool transmits = rti_any(material->transmit);
+            r->inside[seen] = rti_dot(rti_get(lanes, RTI_GEOMETRIC), ray->dir) > 0;
             if (r->inside[seen] && transmits) path->medium = material;
-            if (path->medium && rti_any(path->medium->absorb))
-                path->weight = rti_mul(path->weight, rti_dim(path->medium->absorb, hit->t * sqrtf(rti_dot(ray->dir, ray->dir))));
+            if (path->medium && rti_any(path->medium->absorb)) {
+                const rt_vec3 left = rti_dim(path->medium->absorb, hit->t * sqrtf(rti_dot(ray->dir, ray->dir)));
+                path->weight = rti_mul(path->weight, left);
+                *tint = rti_mul(*tint, left);
+            }
             if (!last && (transmits || rti_any(material->reflect))) r->shiny[r->shiny_count++] = (unsigned short)seen;
         }
-        *tint = rti_mul(rti_mul(path->weight, *tint), material->diffuse);
+        *tint = rti_mul(*tint, material->diffuse);
         *sum = rti_add(*sum, rti_add(rti_mul(path->weight, material->emission), rti_mul(*tint, scene->ambient)));
         seen++;
     }
@@ -4351,30 +4365,33 @@ static size_t rti_look_at(rti_render *r, size_t n, bool last)
 static void rti_light_up(rti_render *r, size_t seen)
 {
     const rt_scene *scene = r->scene;
-    const float *cosine = r->surfaces.lane[RTI_COSINE], *highlight = r->surfaces.lane[RTI_HIGHLIGHT];
     size_t light, i, m;
     r->job.query = RT_ANY;
     for (light = 0; light < scene->light_count; light++) {
         const rt_vec3 color = scene->lights[light].color;
-        r->aim(&r->surfaces, seen, scene->lights[light].position);
+        r->aim(r->surfaces, seen, scene->lights[light].position);
         for (i = m = 0; i < seen; i++) {
-            if (!(cosine[i] > 0)) continue;
-            r->rays[m].org = rti_get(&r->surfaces, RTI_POINT, i);
-            r->rays[m].tmin = 0;
-            r->rays[m].dir = rti_get(&r->surfaces, RTI_TO_LIGHT, i);
-            r->rays[m].tmax = 1;
+            const float *lanes = rti_lanes(r->surfaces, i);
+            rt_ray *ray = &r->rays[m];
+            if (!(lanes[RTI_COSINE * RTI_ABREAST] > 0)) continue;
+            ray->org = rti_get(lanes, RTI_POINT);
+            ray->tmin = 0;
+            ray->dir = rti_get(lanes, RTI_TO_LIGHT);
+            ray->tmax = 1;
             r->lit[m++] = (unsigned short)i;
         }
         r->batch(scene->accel, &r->job, r->rays, m, r->hits);
         r->counts.shadow += m;
         for (i = 0; i < m; i++) {
             const size_t at = r->lit[i];
+            const float *lanes = rti_lanes(r->surfaces, at), highlight = lanes[RTI_HIGHLIGHT * RTI_ABREAST];
             const rt_material *material = r->materials[at];
-            rt_vec3 *sum = &r->sums[r->paths[at].pixel];
+            const rti_path *path = &r->paths[at];
+            rt_vec3 *sum = &r->sums[path->pixel];
             if (r->hits[i].prim != RT_NONE) continue;
-            rti_add_to(sum, rti_scale(r->tints[at], cosine[at]), color);
-            if (highlight[at] > 0 && rti_any(material->specular))
-                rti_add_to(sum, rti_scale(rti_mul(r->paths[at].weight, material->specular), powf(highlight[at], material->shininess)), color);
+            rti_add_to(sum, rti_scale(r->tints[at], lanes[RTI_COSINE * RTI_ABREAST]), color);
+            if (highlight > 0 && rti_any(material->specular))
+                rti_add_to(sum, rti_scale(rti_mul(path->weight, material->specular), powf(highlight, material->shininess)), color);
         }
     }
 }
@@ -4414,9 +4431,9 @@ static void rti_bounce(rti_render *r, int level)
         const size_t at = r->shiny[i];
         const rt_material *material = r->materials[at];
         const rti_path *path = &r->paths[at];
-        const rt_vec3 view = rti_get(&r->surfaces, RTI_VIEW, at), geometric = rti_get(&r->surfaces, RTI_GEOMETRIC, at);
-        const rt_vec3 org = rti_get(&r->surfaces, RTI_POINT, at);
-        rt_vec3 normal = rti_get(&r->surfaces, RTI_NORMAL, at), mirror, through, reflect, transmit, bent;
+        const float *lanes = rti_lanes(r->surfaces, at);
+        const rt_vec3 view = rti_get(lanes, RTI_VIEW), geometric = rti_get(lanes, RTI_GEOMETRIC), org = rti_get(lanes, RTI_POINT);
+        rt_vec3 normal = rti_get(lanes, RTI_NORMAL), mirror, through, reflect, transmit, bent;
         float *to = &reflect.x, *behind = &transmit.x, mirrored = 1;
         const float *part = &material->reflect.x, *rest = &material->transmit.x;
         int k;
@@ -4440,7 +4457,7 @@ static void rti_bounce(rti_render *r, int level)
             reflect = rti_add(reflect, rti_scale(transmit, mirrored));
             through = rti_mul(path->weight, rti_scale(transmit, 1 - mirrored));
             if (open && rti_counts(through))
-                rti_wait(r, base + most + refracted++, rti_sub(org, rti_scale(geometric, 2 * r->surfaces.lane[RTI_OFFSET][at])), bent, through,
+                rti_wait(r, base + most + refracted++, rti_sub(org, rti_scale(geometric, 2 * lanes[RTI_OFFSET * RTI_ABREAST])), bent, through,
                          path->pixel, r->inside[at] ? NULL : material);
         }
         reflect = rti_mul(reflect, path->weight);
@@ -4547,7 +4564,7 @@ static void rti_render_block(rti_render *r, const int box[4], int sample)
         r->job.query = RT_CLOSEST;
         if (level || !r->raster) r->batch(r->scene->accel, &r->job, r->rays, n, r->hits);
         seen = rti_look_at(r, n, level == r->depth);
-        r->finish(&r->surfaces, seen);
+        r->finish(r->surfaces, seen);
         rti_light_up(r, seen);
         if (r->shiny_count) rti_bounce(r, level + 1);
         if (!r->group_count) return;
@@ -4571,15 +4588,15 @@ static void *rti_carve(char **memory, size_t count, size_t size)
    next levels too. */
 #define RTI_WAITING(pixels) (3 * (pixels) + RT_MAX_DEPTH)
 
-/* Bytes that rti_render_blocks carves up, with 32 for the alignment of each of 13 + RTI_LANE_COUNT arrays at most. */
+/* Bytes that rti_render_blocks carves up, with 32 for the alignment of each of 13 arrays at most. */
 #define RTI_BLOCK_BYTES(pixels) \
-    ((pixels) * (sizeof(rt_ray) + sizeof(rt_hit) + sizeof(rti_path) + sizeof(void *) + 2 * sizeof(rt_vec3) + 1 + 4 + RTI_LANE_COUNT * sizeof(float)) + \
-     RTI_WAITING(pixels) * (sizeof(rt_ray) + sizeof(rti_path)) + 32 * (13 + RTI_LANE_COUNT))
+    ((pixels) * (sizeof(rt_ray) + sizeof(rt_hit) + sizeof(rti_path) + sizeof(void *) + 2 * sizeof(rt_vec3) + 1 + 4 + RTI_LANE_COUNT * 4) + \
+     RTI_WAITING(pixels) * (sizeof(rt_ray) + sizeof(rti_path)) + 32 * 13)
 
 static void rti_render_blocks(rti_render *r, char *memory, const int tile[4], int width, rt_vec3 *pixels)
 {
     const size_t count = (size_t)r->side * (size_t)r->side;
-    int box[4], sample, x, y, i;
+    int box[4], sample, x, y;
     r->rays = (rt_ray *)rti_carve(&memory, count, sizeof *r->rays);
     r->hits = (rt_hit *)rti_carve(&memory, count, sizeof *r->hits);
     r->paths = (rti_path *)rti_carve(&memory, count, sizeof *r->paths);
@@ -4588,10 +4605,8 @@ static void rti_render_blocks(rti_render *r, char *memory, const int tile[4], in
     r->inside = (bool *)rti_carve(&memory, count, sizeof *r->inside);
     r->shiny = (unsigned short *)rti_carve(&memory, count, sizeof *r->shiny);
     r->lit = (unsigned short *)rti_carve(&memory, count, sizeof *r->lit);
-    for (i = 0; i < RTI_LANE_COUNT; i++) {
-        r->surfaces.lane[i] = (float *)rti_carve(&memory, count, sizeof(float));
-        memset(r->surfaces.lane[i], 0, count * sizeof(float));
-    }
+    r->surfaces = (rti_surfaces *)rti_carve(&memory, count / RTI_ABREAST, sizeof *r->surfaces);
+    memset(r->surfaces, 0, count / RTI_ABREAST * sizeof *r->surfaces);
     r->sums = (rt_vec3 *)rti_carve(&memory, count, sizeof *r->sums);
     r->waiting_space = RTI_WAITING(count);
     r->waiting_rays = (rt_ray *)rti_carve(&memory, r->waiting_space, sizeof *r->waiting_rays);
@@ -4611,14 +4626,14 @@ static void rti_render_blocks(rti_render *r, char *memory, const int tile[4], in
 
 RTI_NOINLINE void rti_render_small(rti_render *r, const int tile[4], int width, rt_vec3 *pixels)
 {
-    union { double aligned; char bytes[RTI_BLOCK_BYTES(RTI_BLOCK_RAYS)]; } memory;
+    union { rti_surfaces aligned; char bytes[RTI_BLOCK_BYTES(RTI_BLOCK_RAYS)]; } memory;
     r->side = RTI_BLOCK;
     rti_render_blocks(r, memory.bytes, tile, width, pixels);
 }
 
 RTI_NOINLINE void rti_render_large(rti_render *r, const int tile[4], int width, rt_vec3 *pixels)
 {
-    union { double aligned; char bytes[RTI_BLOCK_BYTES(RTI_MAX_BLOCK * RTI_MAX_BLOCK)]; } memory;
+    union { rti_surfaces aligned; char bytes[RTI_BLOCK_BYTES(RTI_MAX_BLOCK * RTI_MAX_BLOCK)]; } memory;
     r->side = RTI_MAX_BLOCK;
     rti_render_blocks(r, memory.bytes, tile, width, pixels);
 }
@@ -6398,31 +6413,32 @@ RTI_FN void rti_vflip(rti_v a[3], rti_v sign)
     for (k = 0; k < 3; k++) a[k] = rti_vmul(a[k], side);
 }
 
-RTI_FN void rti_vload3(const rti_surfaces *s, int lane, size_t at, rti_v a[3])
+RTI_FN void rti_vload3(const float *lanes, int lane, rti_v a[3])
 {
     int k;
-    for (k = 0; k < 3; k++) a[k] = rti_vload(s->lane[lane + k] + at);
+    for (k = 0; k < 3; k++) a[k] = rti_vload(lanes + (lane + k) * RTI_ABREAST);
 }
 
-RTI_FN void rti_vstore3(const rti_surfaces *s, int lane, size_t at, const rti_v a[3])
+RTI_FN void rti_vstore3(float *lanes, int lane, const rti_v a[3])
 {
     int k;
-    for (k = 0; k < 3; k++) rti_vstore(s->lane[lane + k] + at, a[k]);
+    for (k = 0; k < 3; k++) rti_vstore(lanes + (lane + k) * RTI_ABREAST, a[k]);
 }
 
 /* From what is gathered to what rti_lane says of each surface. */
-RTI_NOINLINE RTI_TARGET void rti_finish(const rti_surfaces *s, size_t count)
+RTI_NOINLINE RTI_TARGET void rti_finish(rti_surfaces *s, size_t count)
 {
     size_t at;
     for (at = 0; at < count; at += RTI_WIDTH) {
+        float *const lanes = s[at / RTI_ABREAST].lane[0] + at % RTI_ABREAST;
         rti_v point[3], view[3], geometric[3], normal[3], offset, reach, size;
         int k;
-        rti_vload3(s, RTI_POINT, at, point);
-        rti_vload3(s, RTI_VIEW, at, view);
-        rti_vload3(s, RTI_GEOMETRIC, at, geometric);
-        rti_vload3(s, RTI_NORMAL, at, normal);
+        rti_vload3(lanes, RTI_POINT, point);
+        rti_vload3(lanes, RTI_VIEW, view);
+        rti_vload3(lanes, RTI_GEOMETRIC, geometric);
+        rti_vload3(lanes, RTI_NORMAL, normal);
         size = rti_vmax(rti_vmax(rti_vabs(point[0]), rti_vabs(point[1])), rti_vabs(point[2]));
-        reach = rti_vmul(rti_vload(s->lane[RTI_OFFSET] + at), rti_vmax(rti_vmax(rti_vabs(view[0]), rti_vabs(view[1])), rti_vabs(view[2])));
+        reach = rti_vmul(rti_vload(lanes + RTI_OFFSET * RTI_ABREAST), rti_vmax(rti_vmax(rti_vabs(view[0]), rti_vabs(view[1])), rti_vabs(view[2])));
         offset = rti_vmul(rti_vadd(size, rti_vround(reach)), rti_vset(3e-6f));      /* some 50 rounding errors of the numbers that made point */
         for (k = 0; k < 3; k++) view[k] = rti_vsub(rti_vset(0), view[k]);
         rti_vunit(view);
@@ -6431,35 +6447,36 @@ RTI_NOINLINE RTI_TARGET void rti_finish(const rti_surfaces *s, size_t count)
         rti_vflip(geometric, rti_vdot(geometric, view));
         rti_vflip(normal, rti_vdot(normal, geometric));
         for (k = 0; k < 3; k++) point[k] = rti_vadd(point[k], rti_vround(rti_vmul(geometric[k], offset)));
-        rti_vstore3(s, RTI_POINT, at, point);
-        rti_vstore3(s, RTI_VIEW, at, view);
-        rti_vstore3(s, RTI_GEOMETRIC, at, geometric);
-        rti_vstore3(s, RTI_NORMAL, at, normal);
-        rti_vstore(s->lane[RTI_OFFSET] + at, offset);
+        rti_vstore3(lanes, RTI_POINT, point);
+        rti_vstore3(lanes, RTI_VIEW, view);
+        rti_vstore3(lanes, RTI_GEOMETRIC, geometric);
+        rti_vstore3(lanes, RTI_NORMAL, normal);
+        rti_vstore(lanes + RTI_OFFSET * RTI_ABREAST, offset);
     }
 }
 
 /* What one light does to each surface that it may reach. */
-RTI_NOINLINE RTI_TARGET void rti_aim(const rti_surfaces *s, size_t count, rt_vec3 light)
+RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, rt_vec3 light)
 {
     const rti_v place[3] = { rti_vset(light.x), rti_vset(light.y), rti_vset(light.z) }, zero = rti_vset(0);
     size_t at;
     for (at = 0; at < count; at += RTI_WIDTH) {
+        float *const lanes = s[at / RTI_ABREAST].lane[0] + at % RTI_ABREAST;
         rti_v point[3], view[3], geometric[3], normal[3], to[3], cosine, mirrored;
         unsigned before;
         int k;
-        rti_vload3(s, RTI_POINT, at, point);
-        rti_vload3(s, RTI_VIEW, at, view);
-        rti_vload3(s, RTI_GEOMETRIC, at, geometric);
-        rti_vload3(s, RTI_NORMAL, at, normal);
+        rti_vload3(lanes, RTI_POINT, point);
+        rti_vload3(lanes, RTI_VIEW, view);
+        rti_vload3(lanes, RTI_GEOMETRIC, geometric);
+        rti_vload3(lanes, RTI_NORMAL, normal);
         for (k = 0; k < 3; k++) to[k] = rti_vsub(place[k], point[k]);
-        rti_vstore3(s, RTI_TO_LIGHT, at, to);
+        rti_vstore3(lanes, RTI_TO_LIGHT, to);
         rti_vunit(to);
         cosine = rti_vdot(normal, to);
         before = rti_vlt(zero, rti_vdot(geometric, to));
         mirrored = rti_vmul(rti_vadd(cosine, cosine), rti_vdot(normal, view));
-        rti_vstore(s->lane[RTI_COSINE] + at, rti_vselect(before, cosine, zero));
-        rti_vstore(s->lane[RTI_HIGHLIGHT] + at, rti_vsub(rti_vround(mirrored), rti_vdot(to, view)));
+        rti_vstore(lanes + RTI_COSINE * RTI_ABREAST, rti_vselect(before, cosine, zero));
+        rti_vstore(lanes + RTI_HIGHLIGHT * RTI_ABREAST, rti_vsub(rti_vround(mirrored), rti_vdot(to, view)));
     }
 }
 
