@@ -26,9 +26,9 @@
        declarations    >>config   >>types     >>status   >>geometry  >>build   >>query   >>camera-api
                        >>raster-api           >>shading-api
        implementation  >>platform >>memory    >>math     >>layout    >>instance >>validate >>refs    >>bins    >>bvh
-                       >>kdtree   >>build-any >>refit    >>info      >>ray      >>tiles    >>passes  >>algorithms >>public
-                       >>camera   >>raster    >>shading
-       one pass a SIMD width (this file includes itself)  >>wide  >>boxes  >>primitives  >>traverse  >>cover
+                       >>kdtree   >>build-any >>refit    >>info      >>ray      >>tiles    >>surfaces >>passes
+                       >>algorithms >>public  >>camera   >>raster    >>shading
+       one pass a SIMD width (this file includes itself)  >>wide  >>boxes  >>primitives  >>traverse  >>cover    >>shade
        license         >>license
 
    CONVENTIONS
@@ -410,12 +410,16 @@ RT_API rt_status rt_rasterize(const rt_geometry *geo, const rt_camera *camera, i
 
 /* ---- >>shading-api -------------------------------------------------------------------------------------------------- */
 
-/* Phong's shading and Whitted's secondary rays. Colours are linear RGB, reflectances in [0,1]. */
+#define RT_MAX_DEPTH 64                     /* levels of reflection and refraction */
+
+/* Phong's shading and Whitted's secondary rays. Colours are linear RGB, reflectances in [0,1]. Where reflect + transmit exceed 1 in a
+   channel, both are scaled to that sum: a surface gives no more light than falls on it. */
 typedef struct {
     rt_vec3 diffuse, specular, emission;
     float shininess;                        /* exponent of the highlight */
     rt_vec3 reflect;                        /* what of the light from the mirrored direction is seen; 0: no mirror */
-    rt_vec3 transmit;                       /* what of the light from behind is seen, refracted; 0: opaque */
+    rt_vec3 transmit;                       /* what of the light from behind is seen, refracted; 0: opaque. Where nothing is refracted,
+                                               beyond the critical angle, it is mirrored */
     rt_vec3 absorb;                         /* inside, light is weakened by exp(-absorb * length) */
     float ior;                              /* index of refraction of the inside against the outside; 0 = 1: nothing is bent */
     bool fresnel;                           /* transmit is split between both ways by Fresnel's equations */
@@ -423,7 +427,8 @@ typedef struct {
 
 typedef struct { rt_vec3 position, color; } rt_light;               /* a point; no falloff, as in Phong's model */
 
-/* Everything a picture needs; nothing is owned. Primitive ids are those of geometry. */
+/* Everything a picture needs; nothing is owned. Primitive ids are those of geometry. The outside of a triangle is where its vertices
+   run counterclockwise; what transmits should be closed, or is a pane that bends what passes as the face of a block would. */
 typedef struct rt_scene {
     const rt_accel *accel;
     const rt_geometry *geometry;            /* what accel was built from */
@@ -438,21 +443,32 @@ typedef struct rt_scene {
     const struct rt_scene *const *parts;    /* one an instance: how to shade what it shows (accel, geometry, normals, materials, parts) */
 } rt_scene;
 
+/* Checks what rt_render_tile takes for granted, in O(size of scene): numbers of materials and lights are finite and not negative, ids and
+   indices are in range, every instance has a part. RT_ERROR_ARGUMENT says which is not. Parts are scenes of their own, to be checked by
+   themselves. Without it a bad number makes bad pixels, no worse; a bad id reads what is not there. */
+RT_API rt_status rt_check_scene(const rt_scene *scene, rt_error *error);
+
 typedef struct {
     int width, height;                      /* of the whole picture */
     int spp;                                /* samples a pixel; 0 = 1 */
+    int depth;                              /* levels of reflection and refraction that follow an eye ray, at most RT_MAX_DEPTH; 0 = 5,
+                                               negative: none */
     rt_trace_options trace;                 /* algorithm and so on; query is set by the renderer */
     const rt_raster *raster;                /* NULL: eye rays are traced. Else rasterised with this, which was made of scene->geometry,
                                                scene->camera, width and height: the same picture, bit for bit */
 } rt_render_options;
 
-typedef struct { uint64_t primary, shadow; } rt_ray_counts;
+typedef struct { uint64_t primary, shadow, reflect, refract; } rt_ray_counts;
 
 /* Renders the pixels [x0,x1) x [y0,y1) of the picture to pixels, which holds the whole picture row by row (linear RGB): so tiles may
-   be rendered by any threads in any order, and the picture is the same. rays may be NULL; counts are added to it. Threads may
-   share scene and opt, but not what is written: rays, opt->trace.error and opt->trace.stats.
+   be rendered by any threads in any order, and the picture is the same, with any algorithm too. rays may be NULL; counts are added to
+   it. Threads may share scene and opt, but not what is written: rays, opt->trace.error and opt->trace.stats.
+   Tiles that start and end at multiples of 32 pixels are the fastest. A ray that could add less than 1/512 of what it sees to its pixel
+   is left out, which bounds the rays of a pixel to 1536 a level, and a few hundred in all with two mirrors or a glass.
    Errors as rt_trace; RT_ERROR_ARGUMENT where opt->raster is of another camera, size or number of primitives. Eye rays that are rasterised
-   are counted in rays, not in opt->trace.stats. No allocation, 52 KiB of stack and 7 KiB a level of instances; 104 KiB with raster. */
+   are counted in rays, not in opt->trace.stats. No allocation; 92 KiB of stack, 380 KiB
+   where opt->trace.packet_width is above 16, which draws blocks of 32 x 32 instead of 16 x 16 pixels; 52 KiB more with raster, 7 KiB
+   more a level of instances. */
 RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *opt, int x0, int y0, int x1, int y1, rt_vec3 *pixels,
                                 rt_ray_counts *rays);
 
@@ -3267,6 +3283,33 @@ RTI_INLINE double rti_drift(const rti_lens *lens, double reach) { return (reach 
 
 #endif
 
+/* ---- >>surfaces ----------------------------------------------------------------------------------------------------- */
+
+#ifndef RT_NO_SHADING
+
+/* What >>shading gathers from the hits of a batch and the kernels of >>shade work on: numbers of 8 surfaces side by side. */
+typedef enum {
+    RTI_POINT     = 0,                      /* x, y, z: where the ray ends; then where secondary rays start, in front of the surface */
+    RTI_VIEW      = 3,                      /* the ray's dir; then of unit length, towards where it came from */
+    RTI_GEOMETRIC = 6,                      /* the surface's normal; then of unit length, on the viewer's side */
+    RTI_NORMAL    = 9,                      /* the shading normal; then of unit length, on the side of the other */
+    RTI_OFFSET    = 12,                     /* the ray's t; then how far in front of the surface secondary rays start */
+    RTI_TO_LIGHT  = 13,                     /* from there to the light */
+    RTI_COSINE    = 16,                     /* of the shading normal and the light; 0 where that lies behind the surface */
+    RTI_HIGHLIGHT = 17,                     /* of the mirrored light and the viewer */
+    RTI_LANE_COUNT = 18
+} rti_lane;
+
+#define RTI_ABREAST 8
+
+typedef struct { float lane[RTI_LANE_COUNT][RTI_ABREAST]; } RTI_ALIGNED(32) rti_surfaces;
+
+/* count surfaces; what is behind them in their last rti_surfaces is read and written too. */
+typedef void (*rti_finish_function)(rti_surfaces *s, size_t count);
+typedef void (*rti_aim_function)(rti_surfaces *s, size_t count, rt_vec3 light);
+
+#endif
+
 /* ---- >>passes ------------------------------------------------------------------------------------------------------- */
 
 #define RTI_SEEN 16                         /* instances that a walk through a k-d tree remembers: nested ones would take ever longer */
@@ -4112,52 +4155,124 @@ static bool rti_raster_fits(const rt_raster *r, const rt_geometry *geo, const rt
 
 /* ---- >>shading ------------------------------------------------------------------------------------------------------ */
 
-/* What the renderer knows of a hit. */
+/* A block of pixels is drawn in batches of rays that are traced together: its eye rays, then those that follow, each batch from one
+   batch and of one kind, in the order of their pixels on the screen ([Overbeck] 2.4). What is still to trace waits in a stack, of which
+   the last rays go first. So memory is bounded, and whatever the size of the batches, what a pixel sees is summed up in the
+   same order: a ray, what it sees refracted, what it sees mirrored. */
+
+#define RTI_MAX_BLOCK 32                    /* pixels a side: for packets of 32 x 32 rays */
+#define RTI_DEPTH 5                         /* levels, when none are asked for */
+#define RTI_LEAST_WEIGHT (1.0f / 512)       /* half a step of a picture with 256 of them: a ray that counts less does not show */
+
+/* What a ray carries besides itself. */
 typedef struct {
-    rt_vec3 point, normal, geometric;       /* both normals of unit length and towards the viewer */
-    rt_vec3 color;                          /* multiplies the diffuse colour */
-    const rt_material *material;
-    float offset;                           /* how far along geometric a secondary ray must start to clear rounding */
-} rti_surface;
+    rt_vec3 weight;                         /* of what it sees, in its pixel */
+    uint32_t pixel;                         /* of the block: y * side + x */
+    const rt_material *medium;              /* inside of which it runs, or NULL */
+} rti_path;
+
+typedef enum { RTI_EYE, RTI_REFLECT, RTI_REFRACT } rti_kind_of_ray;
+
+/* Waiting rays of one kind and level from one batch; a group lies on top of the one before it. */
+typedef struct { size_t count; int level; rti_kind_of_ray kind; } rti_group;
+
+/* One call of rt_render_tile. */
+typedef struct {
+    const rt_scene *scene;
+    const rt_raster *raster;
+    rti_batch_function batch;
+    rti_finish_function finish;
+    rti_aim_function aim;
+    rti_job job;
+    rti_view view;
+    rt_ray_counts counts;
+    int depth, spp, side;                   /* side: of a block, in pixels */
+
+    /* One batch, of at most side * side rays. Compacted on the way: first what is traced, then what is seen, then its shadow rays. */
+    rt_ray *rays;
+    rt_hit *hits;
+    rti_path *paths;
+    const rt_material **materials;
+    rt_vec3 *tints;                         /* weight * diffuse colour */
+    bool *inside;                           /* the surface was met from its inside; known where there is more to trace */
+    unsigned short *shiny, *lit;            /* surfaces that reflect or transmit; that the shadow rays start from */
+    size_t shiny_count;
+    rti_surfaces *surfaces;
+
+    rt_vec3 *sums;                          /* of the block's pixels */
+    rt_ray *waiting_rays;
+    rti_path *waiting;
+    size_t waiting_count, waiting_space;
+    rti_group groups[2 * RT_MAX_DEPTH];     /* two a level: of all above but the last batch's, only rests are left */
+    int group_count;
+} rti_render;
 
 static rt_vec3 rti_vertex(const float *v) { return rti_vec3(v[0], v[1], v[2]); }
 
-/* Normals and material of a hit on a primitive of scene's own geometry, in its space. */
-static void rti_look_up(const rt_scene *scene, const rt_hit *hit, rt_vec3 point, rti_surface *s)
+RTI_INLINE const float *rti_corner(const rt_geometry *geo, size_t corner)
 {
-    static const rt_material grey = { { 0.7f, 0.7f, 0.7f }, { 0, 0, 0 }, { 0, 0, 0 }, 1 };
+    const size_t stride = geo->vertex_stride ? geo->vertex_stride : 3 * sizeof(float), i = geo->indices ? geo->indices[corner] : corner;
+    return (const float *)(const void *)((const char *)geo->vertices + i * stride);
+}
+
+/* The mean of three vectors by the weights of a hit; in one expression a component, which the compiler keeps in registers. */
+RTI_INLINE rt_vec3 rti_blend(const rt_hit *hit, const rt_vec3 *a, const rt_vec3 *b, const rt_vec3 *c)
+{
+    const float u = hit->u, v = hit->v, w = 1 - u - v;
+    return rti_vec3(a->x * w + b->x * u + c->x * v, a->y * w + b->y * u + c->y * v, a->z * w + b->z * u + c->z * v);
+}
+
+/* The numbers of surface i stand RTI_ABREAST apart from there. */
+RTI_INLINE float *rti_lanes(rti_surfaces *s, size_t i) { return s[i / RTI_ABREAST].lane[0] + i % RTI_ABREAST; }
+
+RTI_INLINE void rti_put(float *lanes, int lane, rt_vec3 v)
+{
+    lanes[lane * RTI_ABREAST] = v.x;
+    lanes[(lane + 1) * RTI_ABREAST] = v.y;
+    lanes[(lane + 2) * RTI_ABREAST] = v.z;
+}
+
+RTI_INLINE rt_vec3 rti_get(const float *lanes, int lane)
+{
+    return rti_vec3(lanes[lane * RTI_ABREAST], lanes[(lane + 1) * RTI_ABREAST], lanes[(lane + 2) * RTI_ABREAST]);
+}
+
+/* Writes a surface's normals, of any length, and multiplies tint by its colours; answers its material. Of a hit on a
+   primitive of scene's own geometry, in its space. */
+RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *hit, rt_vec3 point, float *lanes, rt_vec3 *tint)
+{
+    static const rt_material grey = { { 0.7f, 0.7f, 0.7f }, { 0, 0, 0 }, { 0, 0, 0 }, 1, { 0, 0, 0 }, { 0, 0, 0 }, { 0, 0, 0 }, 1, false };
     const rt_geometry *geo = scene->geometry;
     RT_ASSERT(!scene->material_count || !scene->material_ids || scene->material_ids[hit->prim] < scene->material_count);
-    s->material = scene->material_count ? &scene->materials[scene->material_ids ? scene->material_ids[hit->prim] : 0] : &grey;
-    s->color = rti_vec3(1, 1, 1);
     if (hit->prim < geo->triangle_count) {
-        const float weights[3] = { 1 - hit->u - hit->v, hit->u, hit->v };
         const size_t corner = 3 * (size_t)hit->prim;
-        float v[9];
-        int k;
-        (void)rti_fetch_triangle(geo, hit->prim, v);
-        s->geometric = rti_normalize(rti_cross(rti_sub(rti_vertex(v + 3), rti_vertex(v)), rti_sub(rti_vertex(v + 6), rti_vertex(v))));
-        s->normal = s->geometric;
-        if (scene->normals && scene->normal_indices[corner] != RT_NONE) {
-            rt_vec3 normal = rti_vec3(0, 0, 0);
-            for (k = 0; k < 3; k++)
-                normal = rti_add(normal, rti_scale(scene->normals[scene->normal_indices[corner + (size_t)k]], weights[k]));
-            if (rti_largest(normal) > 0) s->normal = rti_normalize(normal);
-        }
-        if (scene->colors) {
-            s->color = rti_vec3(0, 0, 0);
-            for (k = 0; k < 3; k++) {
-                size_t at = corner + (size_t)k;
-                s->color = rti_add(s->color, rti_scale(scene->colors[geo->indices ? geo->indices[at] : at], weights[k]));
+        const float *p = rti_corner(geo, corner), *q = rti_corner(geo, corner + 1), *r = rti_corner(geo, corner + 2);
+        const rt_vec3 flat = rti_cross(rti_vec3(q[0] - p[0], q[1] - p[1], q[2] - p[2]), rti_vec3(r[0] - p[0], r[1] - p[1], r[2] - p[2]));
+        rti_put(lanes, RTI_GEOMETRIC, flat);
+        rti_put(lanes, RTI_NORMAL, flat);
+        if (scene->normals) {
+            const uint32_t *n = scene->normal_indices + corner;
+            if (n[0] != RT_NONE) {
+                const rt_vec3 smooth = rti_blend(hit, &scene->normals[n[0]], &scene->normals[n[1]], &scene->normals[n[2]]);
+                if (smooth.x != 0 || smooth.y != 0 || smooth.z != 0) rti_put(lanes, RTI_NORMAL, smooth);
             }
         }
-        return;
+        if (scene->colors) {
+            const uint32_t *v = geo->indices ? geo->indices + corner : NULL;
+            *tint = rti_mul(*tint, rti_blend(hit, &scene->colors[v ? v[0] : corner], &scene->colors[v ? v[1] : corner + 1],
+                                             &scene->colors[v ? v[2] : corner + 2]));
+        }
     }
 #if RTI_SPHERES
-    s->geometric = s->normal = rti_normalize(rti_sub(point, geo->spheres[hit->prim - geo->triangle_count].center));
+    else {
+        const rt_vec3 out = rti_sub(point, geo->spheres[hit->prim - geo->triangle_count].center);
+        rti_put(lanes, RTI_GEOMETRIC, out);
+        rti_put(lanes, RTI_NORMAL, out);
+    }
 #else
     (void)point;
 #endif
+    return scene->material_count ? &scene->materials[scene->material_ids ? scene->material_ids[hit->prim] : 0] : &grey;
 }
 
 #if RTI_INSTANCES
@@ -4167,41 +4282,233 @@ static rt_vec3 rti_world_normal(const float inverse[12], rt_vec3 n)
     return rti_normalize(rti_add(rti_add(rti_scale(rti_vertex(inverse), n.x), rti_scale(rti_vertex(inverse + 4), n.y)),
                                  rti_scale(rti_vertex(inverse + 8), n.z)));
 }
+
+/* The same of a hit within an instance. */
+RTI_NOINLINE const rt_material *rti_look_into(const rt_scene *scene, const rt_hit *hit, rt_vec3 at, float *lanes, rt_vec3 *tint)
+{
+    const rt_accel *accel = scene->accel;
+    const rt_material *material;
+    uint32_t inst = hit->inst;
+    float m[12], inverse[12], org[3], dir[3];
+    const float point[3] = { at.x, at.y, at.z };
+    (void)rt_instance_transform(accel, inst, m, NULL);
+    (void)rti_invert(m, inverse);
+    rti_transform_ray(inverse, point, point, org, dir);
+    while (inst != RT_NONE) {
+        size_t number = rti_find_instance(accel, inst);
+        RT_ASSERT(scene->parts && scene->parts[number] && scene->parts[number]->accel && scene->parts[number]->geometry);
+        scene = scene->parts[number];
+        inst = inst - accel->instance_bases[number] - 1;
+        accel = scene->accel;
+    }
+    material = rti_look_up(scene, hit, rti_vertex(org), lanes, tint);
+    rti_put(lanes, RTI_GEOMETRIC, rti_world_normal(inverse, rti_get(lanes, RTI_GEOMETRIC)));
+    rti_put(lanes, RTI_NORMAL, rti_world_normal(inverse, rti_get(lanes, RTI_NORMAL)));
+    return material;
+}
 #endif
 
-static rti_surface rti_make_surface(const rt_scene *scene, const rt_ray *ray, const rt_hit *hit)
+static void rti_add_to(rt_vec3 *sum, rt_vec3 a, rt_vec3 b) { *sum = rti_add(*sum, rti_mul(a, b)); }
+
+static bool rti_any(rt_vec3 a) { return a.x > 0 || a.y > 0 || a.z > 0; }
+
+static bool rti_counts(rt_vec3 weight)      /* false for NaN */
 {
-    rti_surface s;
-    float size;
-    s.point = rti_add(ray->org, rti_scale(ray->dir, hit->t));
-#if RTI_INSTANCES
-    if (hit->inst != RT_NONE) {
-        const rt_accel *accel = scene->accel;
-        const rt_scene *owner = scene;
-        uint32_t inst = hit->inst;
-        float m[12], inverse[12], org[3], dir[3];
-        const float point[3] = { s.point.x, s.point.y, s.point.z };
-        (void)rt_instance_transform(accel, inst, m, NULL);
-        (void)rti_invert(m, inverse);
-        rti_transform_ray(inverse, point, point, org, dir);
-        while (inst != RT_NONE) {
-            size_t number = rti_find_instance(accel, inst);
-            RT_ASSERT(owner->parts && owner->parts[number] && owner->parts[number]->accel && owner->parts[number]->geometry);
-            owner = owner->parts[number];
-            inst = inst - accel->instance_bases[number] - 1;
-            accel = owner->accel;
+    return weight.x >= RTI_LEAST_WEIGHT || weight.y >= RTI_LEAST_WEIGHT || weight.z >= RTI_LEAST_WEIGHT;
+}
+
+static float rti_positive(float x) { return x > 0 ? x : 0; }        /* of NaN: 0 */
+
+static bool rti_is_shiny(const rt_material *m)        /* true for NaN */
+{
+    return m->reflect.x + m->reflect.y + m->reflect.z + m->transmit.x + m->transmit.y + m->transmit.z != 0;
+}
+
+/* How much of the light is left after that length. */
+static rt_vec3 rti_dim(rt_vec3 absorb, float length)
+{
+    return rti_vec3(expf(-rti_positive(absorb.x) * length), expf(-rti_positive(absorb.y) * length), expf(-rti_positive(absorb.z) * length));
+}
+
+/* From the n hits of a batch to the surfaces that they are on, whose number is answered; adds what those glow, and the background. */
+static size_t rti_look_at(rti_render *r, size_t n, bool last)
+{
+    const rt_scene *scene = r->scene;
+    size_t i, seen = 0;
+    r->shiny_count = 0;
+    for (i = 0; i < n; i++) {
+        const rt_ray *ray = &r->rays[i];
+        const rt_hit *hit = &r->hits[i];
+        const rt_material *material;
+        rti_path *path = &r->paths[seen];
+        rt_vec3 *tint = &r->tints[seen], *sum, point;
+        float *lanes = rti_lanes(r->surfaces, seen);
+        *path = r->paths[i];
+        sum = &r->sums[path->pixel];
+        if (hit->prim == RT_NONE) {
+            rti_add_to(sum, path->weight, scene->background);
+            continue;
         }
-        rti_look_up(owner, hit, rti_vec3(org[0], org[1], org[2]), &s);
-        s.geometric = rti_world_normal(inverse, s.geometric);
-        s.normal = rti_world_normal(inverse, s.normal);
-    } else
+        point = rti_add(ray->org, rti_scale(ray->dir, hit->t));
+        rti_put(lanes, RTI_POINT, point);
+        rti_put(lanes, RTI_VIEW, ray->dir);
+        lanes[RTI_OFFSET * RTI_ABREAST] = hit->t;
+        *tint = path->weight;
+#if RTI_INSTANCES
+        if (hit->inst != RT_NONE) material = rti_look_into(scene, hit, point, lanes, tint);
+        else
 #endif
-        rti_look_up(scene, hit, s.point, &s);
-    if (rti_dot(s.geometric, ray->dir) > 0) s.geometric = rti_scale(s.geometric, -1);
-    if (rti_dot(s.normal, s.geometric) < 0) s.normal = rti_scale(s.normal, -1);
-    size = rti_largest(s.point) + hit->t * rti_largest(ray->dir);
-    s.offset = size * 3e-6f;                /* about 50 rounding errors of the numbers that made point */
-    return s;
+            material = rti_look_up(scene, hit, point, lanes, tint);
+        r->materials[seen] = material;
+        if (path->medium || rti_is_shiny(material)) {
+            const bool transmits = rti_any(material->transmit);
+            r->inside[seen] = rti_dot(rti_get(lanes, RTI_GEOMETRIC), ray->dir) > 0;
+            if (r->inside[seen] && transmits) path->medium = material;
+            if (path->medium && rti_any(path->medium->absorb)) {
+                const rt_vec3 left = rti_dim(path->medium->absorb, hit->t * sqrtf(rti_dot(ray->dir, ray->dir)));
+                path->weight = rti_mul(path->weight, left);
+                *tint = rti_mul(*tint, left);
+            }
+            if (!last && (transmits || rti_any(material->reflect))) r->shiny[r->shiny_count++] = (unsigned short)seen;
+        }
+        *tint = rti_mul(*tint, material->diffuse);
+        *sum = rti_add(*sum, rti_add(rti_mul(path->weight, material->emission), rti_mul(*tint, scene->ambient)));
+        seen++;
+    }
+    return seen;
+}
+
+/* Adds what the lights make of the surfaces seen. */
+static void rti_light_up(rti_render *r, size_t seen)
+{
+    const rt_scene *scene = r->scene;
+    size_t light, i, m;
+    r->job.query = RT_ANY;
+    for (light = 0; light < scene->light_count; light++) {
+        const rt_vec3 color = scene->lights[light].color;
+        r->aim(r->surfaces, seen, scene->lights[light].position);
+        for (i = m = 0; i < seen; i++) {
+            const float *lanes = rti_lanes(r->surfaces, i);
+            rt_ray *ray = &r->rays[m];
+            if (!(lanes[RTI_COSINE * RTI_ABREAST] > 0)) continue;
+            ray->org = rti_get(lanes, RTI_POINT);
+            ray->tmin = 0;
+            ray->dir = rti_get(lanes, RTI_TO_LIGHT);
+            ray->tmax = 1;
+            r->lit[m++] = (unsigned short)i;
+        }
+        r->batch(scene->accel, &r->job, r->rays, m, r->hits);
+        r->counts.shadow += m;
+        for (i = 0; i < m; i++) {
+            const size_t at = r->lit[i];
+            const float *lanes = rti_lanes(r->surfaces, at), highlight = lanes[RTI_HIGHLIGHT * RTI_ABREAST];
+            const rt_material *material = r->materials[at];
+            const rti_path *path = &r->paths[at];
+            rt_vec3 *sum = &r->sums[path->pixel];
+            if (r->hits[i].prim != RT_NONE) continue;
+            rti_add_to(sum, rti_scale(r->tints[at], lanes[RTI_COSINE * RTI_ABREAST]), color);
+            if (highlight > 0 && rti_any(material->specular))
+                rti_add_to(sum, rti_scale(rti_mul(path->weight, material->specular), powf(highlight, material->shininess)), color);
+        }
+    }
+}
+
+/* The direction behind a surface of a ray that came from view, and the part of the light that is mirrored; false: all of it. eta is the
+   index of refraction on this side over that on the other. */
+static bool rti_bend(rt_vec3 view, rt_vec3 normal, float eta, rt_vec3 *dir, float *mirrored)
+{
+    const float c = rti_dot(normal, view), sine2 = eta * eta * (1 - c * c), cosine = sqrtf(1 - sine2);
+    const float across = (eta * c - cosine) / (eta * c + cosine), along = (c - eta * cosine) / (c + eta * cosine);
+    if (!(sine2 < 1)) return false;
+    *dir = rti_sub(rti_scale(normal, eta * c - cosine), rti_scale(view, eta));
+    *mirrored = 0.5f * (across * across + along * along);
+    return true;
+}
+
+static void rti_wait(rti_render *r, size_t at, rt_vec3 org, rt_vec3 dir, rt_vec3 weight, uint32_t pixel, const rt_material *medium)
+{
+    rt_ray *ray = &r->waiting_rays[at];
+    rti_path *path = &r->waiting[at];
+    ray->org = org;
+    ray->tmin = 0;
+    ray->dir = dir;
+    ray->tmax = RTI_INFINITY;
+    path->weight = weight;
+    path->pixel = pixel;
+    path->medium = medium;
+}
+
+/* Sends rays from the shiny surfaces to the stack: what is mirrored below what is refracted, so that no mirror moves them. */
+static void rti_bounce(rti_render *r, int level)
+{
+    const size_t base = r->waiting_count, most = r->shiny_count;
+    size_t i, reflected = 0, refracted = 0;
+    RT_ASSERT(base + 2 * most <= r->waiting_space);
+    for (i = 0; i < most; i++) {
+        const size_t at = r->shiny[i];
+        const rt_material *material = r->materials[at];
+        const rti_path *path = &r->paths[at];
+        const float *lanes = rti_lanes(r->surfaces, at);
+        const rt_vec3 view = rti_get(lanes, RTI_VIEW), geometric = rti_get(lanes, RTI_GEOMETRIC), org = rti_get(lanes, RTI_POINT);
+        rt_vec3 normal = rti_get(lanes, RTI_NORMAL), mirror, through, reflect, transmit, bent;
+        float *to = &reflect.x, *behind = &transmit.x, mirrored = 1;
+        const float *part = &material->reflect.x, *rest = &material->transmit.x;
+        int k;
+        for (k = 0; k < 3; k++) {
+            const float sum = rti_positive(part[k]) + rti_positive(rest[k]), scale = sum > 1 ? 1 / sum : 1;
+            to[k] = rti_positive(part[k]) * scale;
+            behind[k] = rti_positive(rest[k]) * scale;
+        }
+        /* A shading normal that sends the ray to the wrong side of the surface gives way to the geometric one. */
+        mirror = rti_sub(rti_scale(normal, 2 * rti_dot(normal, view)), view);
+        if (!(rti_dot(normal, view) > 0) || !(rti_dot(mirror, geometric) > 0)) {
+            normal = geometric;
+            mirror = rti_sub(rti_scale(normal, 2 * rti_dot(normal, view)), view);
+        }
+        if (rti_any(transmit)) {
+            const float ior = material->ior > 0 ? material->ior : 1, eta = r->inside[at] ? ior : 1 / ior;
+            bool open = rti_bend(view, normal, eta, &bent, &mirrored);
+            if (open && !(rti_dot(bent, geometric) < 0)) open = rti_bend(view, geometric, eta, &bent, &mirrored);
+            if (!open) mirrored = 1;
+            else if (!material->fresnel) mirrored = 0;
+            reflect = rti_add(reflect, rti_scale(transmit, mirrored));
+            through = rti_mul(path->weight, rti_scale(transmit, 1 - mirrored));
+            if (open && rti_counts(through))
+                rti_wait(r, base + most + refracted++, rti_sub(org, rti_scale(geometric, 2 * lanes[RTI_OFFSET * RTI_ABREAST])), bent, through,
+                         path->pixel, r->inside[at] ? NULL : material);
+        }
+        reflect = rti_mul(reflect, path->weight);
+        if (rti_counts(reflect)) rti_wait(r, base + reflected++, org, mirror, reflect, path->pixel, path->medium);
+    }
+    if (reflected < most) {
+        memmove(r->waiting_rays + base + reflected, r->waiting_rays + base + most, refracted * sizeof *r->waiting_rays);
+        memmove(r->waiting + base + reflected, r->waiting + base + most, refracted * sizeof *r->waiting);
+    }
+    r->waiting_count = base + reflected + refracted;
+    for (i = 0; i < 2; i++) {
+        rti_group group;
+        group.count = i ? refracted : reflected;
+        group.level = level;
+        group.kind = i ? RTI_REFRACT : RTI_REFLECT;
+        if (group.count) r->groups[r->group_count++] = group;
+    }
+}
+
+/* Takes the next batch from the stack, leaving space for what follows: each of its rays, which frees one place, may send two. Of the places
+   that are free, each level still to come gets an equal part, so at least one: at first there are as many as levels. */
+static size_t rti_take(rti_render *r)
+{
+    rti_group *top = &r->groups[r->group_count - 1];
+    const size_t more = (size_t)(r->depth - top->level), most = (size_t)r->side * (size_t)r->side;
+    size_t count = top->count < most ? top->count : most;
+    if (more && count > (r->waiting_space - r->waiting_count) / more) count = (r->waiting_space - r->waiting_count) / more;
+    RT_ASSERT(count > 0);
+    top->count -= count;
+    if (!top->count) r->group_count--;
+    r->waiting_count -= count;
+    memcpy(r->rays, r->waiting_rays + r->waiting_count, count * sizeof *r->rays);
+    memcpy(r->paths, r->waiting + r->waiting_count, count * sizeof *r->paths);
+    return count;
 }
 
 #define RTI_MAX_SPP  (1 << 20)
@@ -4221,101 +4528,213 @@ static void rti_subpixel(int i, int n, float *x, float *y)
     }
 }
 
-/* One sample of every pixel of a block, added to sums. Rays stand in Morton order, so that those which follow each other are neighbours. */
-static void rti_render_block(const rt_scene *scene, rti_batch_function batch, rti_job job, const rti_view *view, const rt_raster *raster,
-                             const int box[4], int sample, int spp, rt_vec3 *sums, rt_ray_counts *counts)
+/* Every other bit of a Morton code of two 5-bit coordinates. */
+static unsigned rti_unzip(unsigned code)
 {
-    rt_ray rays[RTI_BLOCK_RAYS];
-    rt_hit hits[RTI_BLOCK_RAYS];
-    rti_surface surfaces[RTI_BLOCK_RAYS];
-    unsigned short pixel[RTI_BLOCK_RAYS], lit[RTI_BLOCK_RAYS];
-    size_t n = 0, m, i, light, seen = 0;
+    code &= 0x155;
+    code = (code | code >> 1) & 0x133;
+    code = (code | code >> 2) & 0x10f;
+    return (code | code >> 4) & 0x1f;
+}
+
+/* The eye rays of a block through (dx, dy) of each pixel, in Morton order, so that those which follow each other are neighbours. */
+static size_t rti_look(rti_render *r, const int box[4], float dx, float dy)
+{
+    const unsigned width = (unsigned)(box[2] - box[0]), height = (unsigned)(box[3] - box[1]), count = (unsigned)(r->side * r->side);
+    rt_vec3 right[RTI_MAX_BLOCK], down[RTI_MAX_BLOCK];
+    size_t n = 0;
+    unsigned i;
+    for (i = 0; i < width; i++) right[i] = rti_steps(r->view.right, (float)(box[0] + (int)i) + dx);
+    for (i = 0; i < height; i++) down[i] = rti_steps(r->view.down, (float)(box[1] + (int)i) + dy);
+    for (i = 0; i < count; i++) {
+        const unsigned x = rti_unzip(i), y = rti_unzip(i >> 1);
+        rt_ray *ray = &r->rays[n];
+        rti_path *path = &r->paths[n];
+        if (x >= width || y >= height) continue;
+        ray->org = r->view.eye;
+        ray->tmin = 0;
+        ray->dir = rti_add(r->view.corner, rti_add(right[x], down[y]));         /* the arithmetic of rti_view_ray */
+        ray->tmax = RTI_INFINITY;
+        path->weight = rti_vec3(1, 1, 1);
+        path->pixel = y * (unsigned)r->side + x;
+        path->medium = NULL;
+        n++;
+    }
+    return n;
+}
+
+/* One sample of every pixel of a block, added to the sums. */
+static void rti_render_block(rti_render *r, const int box[4], int sample)
+{
+    size_t n, seen, i;
+    int level = 0;
     float dx, dy;
-    unsigned code;
-    rti_subpixel(sample, spp, &dx, &dy);
-    for (code = 0; code < RTI_BLOCK_RAYS; code++) {
-        unsigned x = (code & 1) | (code >> 1 & 2) | (code >> 2 & 4) | (code >> 3 & 8);
-        unsigned y = (code >> 1 & 1) | (code >> 2 & 2) | (code >> 3 & 4) | (code >> 4 & 8);
-        if (box[0] + (int)x >= box[2] || box[1] + (int)y >= box[3]) continue;
-        pixel[n] = (unsigned short)(y * RTI_BLOCK + x);
-        rays[n++] = rti_view_ray(view, (float)(box[0] + (int)x) + dx, (float)(box[1] + (int)y) + dy);
+    rti_subpixel(sample, r->spp, &dx, &dy);
+    n = rti_look(r, box, dx, dy);
+    r->counts.primary += n;
+    if (r->raster) {
+        rt_hit *grid = (rt_hit *)(void *)r->waiting;        /* still empty, and larger */
+        rti_raster_rectangle(r->raster, box, dx, dy, grid, (size_t)r->side);
+        for (i = 0; i < n; i++) r->hits[i] = grid[r->paths[i].pixel];
     }
-    if (raster) {
-        rt_hit grid[RTI_BLOCK_RAYS];
-        rti_raster_rectangle(raster, box, dx, dy, grid, RTI_BLOCK);
-        for (i = 0; i < n; i++) hits[i] = grid[pixel[i]];
-    } else {
-        job.query = RT_CLOSEST;
-        batch(scene->accel, &job, rays, n, hits);
-    }
-    if (counts) counts->primary += n;
-    for (i = 0; i < n; i++) {
-        rt_vec3 *sum = &sums[pixel[i]];
-        if (hits[i].prim == RT_NONE) {
-            *sum = rti_add(*sum, scene->background);
-            continue;
-        }
-        surfaces[seen] = rti_make_surface(scene, &rays[i], &hits[i]);
-        *sum = rti_add(*sum, rti_add(surfaces[seen].material->emission,
-                                     rti_mul(rti_mul(scene->ambient, surfaces[seen].color), surfaces[seen].material->diffuse)));
-        rays[seen] = rays[i];               /* from here on: rays and pixels of the surfaces seen */
-        pixel[seen++] = pixel[i];
-    }
-    job.query = RT_ANY;
-    for (light = 0; light < scene->light_count; light++) {
-        rt_ray shadow[RTI_BLOCK_RAYS];
-        for (i = m = 0; i < seen; i++) {
-            const rti_surface *s = &surfaces[i];
-            rt_vec3 org = rti_add(s->point, rti_scale(s->geometric, s->offset)), to = rti_sub(scene->lights[light].position, org);
-            if (!(rti_dot(to, s->geometric) > 0)) continue;             /* behind the surface */
-            shadow[m].org = org;
-            shadow[m].tmin = 0;
-            shadow[m].dir = to;
-            shadow[m].tmax = 1;
-            lit[m++] = (unsigned short)i;
-        }
-        batch(scene->accel, &job, shadow, m, hits);
-        if (counts) counts->shadow += m;
-        for (i = 0; i < m; i++) {
-            const rti_surface *s = &surfaces[lit[i]];
-            rt_vec3 to, back, color;
-            float cosine, highlight;
-            if (hits[i].prim != RT_NONE) continue;
-            to = rti_normalize(shadow[i].dir);
-            cosine = rti_dot(s->normal, to);
-            if (!(cosine > 0)) continue;
-            back = rti_normalize(rti_scale(rays[lit[i]].dir, -1));
-            highlight = rti_dot(rti_sub(rti_scale(s->normal, 2 * cosine), to), back);          /* mirrored light against view */
-            color = rti_scale(rti_mul(s->material->diffuse, s->color), cosine);
-            if (highlight > 0) color = rti_add(color, rti_scale(s->material->specular, powf(highlight, s->material->shininess)));
-            sums[pixel[lit[i]]] = rti_add(sums[pixel[lit[i]]], rti_mul(color, scene->lights[light].color));
-        }
+    for (;;) {
+        r->job.query = RT_CLOSEST;
+        if (level || !r->raster) r->batch(r->scene->accel, &r->job, r->rays, n, r->hits);
+        seen = rti_look_at(r, n, level == r->depth);
+        r->finish(r->surfaces, seen);
+        rti_light_up(r, seen);
+        if (r->shiny_count) rti_bounce(r, level + 1);
+        if (!r->group_count) return;
+        level = r->groups[r->group_count - 1].level;
+        i = r->groups[r->group_count - 1].kind == RTI_REFLECT;
+        n = rti_take(r);
+        if (i) r->counts.reflect += n;
+        else r->counts.refract += n;
     }
 }
 
-/* Of the outermost scene alone, since every tile asks: parts may be millions. rti_make_surface asserts those that are seen. */
-static rt_status rti_check_scene(const rt_scene *scene, const rt_render_options *opt)
+/* The next count things of size bytes of a block's memory. */
+static void *rti_carve(char **memory, size_t count, size_t size)
 {
-    if (!scene->accel || !scene->geometry)
-        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "scene lacks its accel or its geometry");
+    void *start = *memory;
+    *memory += (count * size + 31) / 32 * 32;
+    return start;
+}
+
+/* Waiting rays of a block of so many pixels: both kinds from each eye ray, and as many again, so that glass fills packets on the
+   next levels too. */
+#define RTI_WAITING(pixels) (3 * (pixels) + RT_MAX_DEPTH)
+
+/* Bytes that rti_render_blocks carves up, with 32 for the alignment of each of 13 arrays at most. */
+#define RTI_BLOCK_BYTES(pixels) \
+    ((pixels) * (sizeof(rt_ray) + sizeof(rt_hit) + sizeof(rti_path) + sizeof(void *) + 2 * sizeof(rt_vec3) + 1 + 4 + RTI_LANE_COUNT * 4) + \
+     RTI_WAITING(pixels) * (sizeof(rt_ray) + sizeof(rti_path)) + 32 * 13)
+
+static void rti_render_blocks(rti_render *r, char *memory, const int tile[4], int width, rt_vec3 *pixels)
+{
+    const size_t count = (size_t)r->side * (size_t)r->side;
+    int box[4], sample, x, y;
+    r->rays = (rt_ray *)rti_carve(&memory, count, sizeof *r->rays);
+    r->hits = (rt_hit *)rti_carve(&memory, count, sizeof *r->hits);
+    r->paths = (rti_path *)rti_carve(&memory, count, sizeof *r->paths);
+    r->materials = (const rt_material **)rti_carve(&memory, count, sizeof *r->materials);
+    r->tints = (rt_vec3 *)rti_carve(&memory, count, sizeof *r->tints);
+    r->inside = (bool *)rti_carve(&memory, count, sizeof *r->inside);
+    r->shiny = (unsigned short *)rti_carve(&memory, count, sizeof *r->shiny);
+    r->lit = (unsigned short *)rti_carve(&memory, count, sizeof *r->lit);
+    r->surfaces = (rti_surfaces *)rti_carve(&memory, count / RTI_ABREAST, sizeof *r->surfaces);
+    memset(r->surfaces, 0, count / RTI_ABREAST * sizeof *r->surfaces);
+    r->sums = (rt_vec3 *)rti_carve(&memory, count, sizeof *r->sums);
+    r->waiting_space = RTI_WAITING(count);
+    r->waiting_rays = (rt_ray *)rti_carve(&memory, r->waiting_space, sizeof *r->waiting_rays);
+    r->waiting = (rti_path *)rti_carve(&memory, r->waiting_space, sizeof *r->waiting);
+    for (box[1] = tile[1]; box[1] < tile[3]; box[1] += r->side)
+        for (box[0] = tile[0]; box[0] < tile[2]; box[0] += r->side) {
+            memset(r->sums, 0, count * sizeof *r->sums);
+            box[2] = tile[2] < box[0] + r->side ? tile[2] : box[0] + r->side;
+            box[3] = tile[3] < box[1] + r->side ? tile[3] : box[1] + r->side;
+            for (sample = 0; sample < r->spp; sample++) rti_render_block(r, box, sample);
+            for (y = box[1]; y < box[3]; y++)
+                for (x = box[0]; x < box[2]; x++)
+                    pixels[(size_t)y * (size_t)width + (size_t)x] =
+                        rti_scale(r->sums[(y - box[1]) * r->side + x - box[0]], 1 / (float)r->spp);
+        }
+}
+
+RTI_NOINLINE void rti_render_small(rti_render *r, const int tile[4], int width, rt_vec3 *pixels)
+{
+    union { rti_surfaces aligned; char bytes[RTI_BLOCK_BYTES(RTI_BLOCK_RAYS)]; } memory;
+    r->side = RTI_BLOCK;
+    rti_render_blocks(r, memory.bytes, tile, width, pixels);
+}
+
+RTI_NOINLINE void rti_render_large(rti_render *r, const int tile[4], int width, rt_vec3 *pixels)
+{
+    union { rti_surfaces aligned; char bytes[RTI_BLOCK_BYTES(RTI_MAX_BLOCK * RTI_MAX_BLOCK)]; } memory;
+    r->side = RTI_MAX_BLOCK;
+    rti_render_blocks(r, memory.bytes, tile, width, pixels);
+}
+
+/* Of the outermost scene alone, since every tile asks: parts may be millions. rti_look_into asserts those that are seen. */
+static rt_status rti_scene_lacks(const rt_scene *scene, rt_error *error)
+{
+    if (!scene->accel || !scene->geometry) return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "scene lacks its accel or its geometry");
     if (scene->normals && !scene->normal_indices)
-        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "scene has normals without normal_indices");
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "scene has normals without normal_indices");
     if (rti_instance_count(scene->geometry) && !scene->parts)
-        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "scene has instances but no parts to say how they are shaded");
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "scene has instances but no parts to say how they are shaded");
     return RT_OK;
+}
+
+static bool rti_is_amount(float x) { return x >= 0 && x <= FLT_MAX; }       /* false for NaN */
+static bool rti_are_amounts(rt_vec3 a) { return rti_is_amount(a.x) && rti_is_amount(a.y) && rti_is_amount(a.z); }
+
+RT_API rt_status rt_check_scene(const rt_scene *scene, rt_error *error)
+{
+    static const char *const names[] = { "diffuse", "specular", "emission", "reflect", "transmit", "absorb", "shininess", "ior" };
+    const rt_geometry *geo;
+    rt_status status;
+    size_t i, k, solid;
+    if (!scene) return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "scene is NULL");
+    if ((status = rti_scene_lacks(scene, error)) != RT_OK) return status;
+    geo = scene->geometry;
+    for (i = 0; i < scene->material_count; i++) {
+        const rt_material *m = &scene->materials[i];
+        const bool good[] = { rti_are_amounts(m->diffuse), rti_are_amounts(m->specular), rti_are_amounts(m->emission),
+                              rti_are_amounts(m->reflect), rti_are_amounts(m->transmit), rti_are_amounts(m->absorb),
+                              rti_is_amount(m->shininess), rti_is_amount(m->ior) };
+        for (k = 0; k < sizeof good / sizeof good[0]; k++)
+            if (!good[k])
+                return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "material %lu: %s is negative or not finite", (unsigned long)i, names[k]);
+    }
+    for (i = 0; i < scene->light_count; i++) {
+        if (!(rti_largest(scene->lights[i].position) <= RT_MAX_COORDINATE) || scene->lights[i].position.y != scene->lights[i].position.y)
+            return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "light %lu: its position is not finite or out of range", (unsigned long)i);
+        if (!rti_are_amounts(scene->lights[i].color))
+            return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "light %lu: its color is negative or not finite", (unsigned long)i);
+    }
+    if (!rti_are_amounts(scene->ambient) || !rti_are_amounts(scene->background))
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "%s is negative or not finite",
+                        rti_are_amounts(scene->ambient) ? "background" : "ambient");
+    solid = geo->triangle_count + rti_sphere_count(geo);
+    for (i = 0; scene->material_ids && scene->material_count && i < solid; i++)
+        if (scene->material_ids[i] >= scene->material_count)
+            return rti_fail(error, RT_ERROR_ARGUMENT, (uint32_t)i, "primitive %lu: material %lu of %lu", (unsigned long)i,
+                            (unsigned long)scene->material_ids[i], (unsigned long)scene->material_count);
+#if RTI_INSTANCES
+    for (i = 0; i < geo->instance_count; i++)
+        if (!scene->parts[i] || !scene->parts[i]->accel || !scene->parts[i]->geometry)
+            return rti_fail(error, RT_ERROR_ARGUMENT, (uint32_t)(solid + i), "primitive %lu, an instance: its part is missing or lacks its "
+                            "accel or its geometry", (unsigned long)(solid + i));
+#endif
+    return RT_OK;
+}
+
+/* The kernels of the widest packets. */
+static void rti_choose_shaders(rti_render *r, rt_isa isa)
+{
+    if (isa == RT_ISA_AUTO) isa = rt_best_isa();
+    r->finish = rti_finish_1;
+    r->aim = rti_aim_1;
+#if RTI_PACKETS
+    r->finish = rti_finish_4;
+    r->aim = rti_aim_4;
+#if RTI_X86
+    if (isa != RT_ISA_AVX2) return;
+    r->finish = rti_finish_8;
+    r->aim = rti_aim_8;
+#endif
+#endif
 }
 
 RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *opt, int x0, int y0, int x1, int y1, rt_vec3 *pixels,
                                 rt_ray_counts *rays)
 {
-    rti_batch_function batch;
-    rti_job job;
-    rti_view view;
+    const int tile[4] = { x0, y0, x1, y1 };
+    rti_render r;
     rt_status status;
-    int box[4], spp, sample, x, y;
     if (!opt) return RT_ERROR_ARGUMENT;     /* nowhere to put a message */
     if (!scene || !pixels) return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", scene ? "pixels" : "scene");
-    spp = opt->spp > 0 ? opt->spp : 1;
     if (opt->width < 1 || opt->height < 1 || opt->width > RTI_MAX_SIDE || opt->height > RTI_MAX_SIDE)
         return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "a picture of %d x %d: each must lie between 1 and %d", opt->width,
                         opt->height, RTI_MAX_SIDE);
@@ -4325,26 +4744,31 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
     if (opt->spp < 0 || opt->spp > RTI_MAX_SPP)
         return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "spp is %d: it must lie between 0 (as 1) and %d", opt->spp,
                         RTI_MAX_SPP);
+    if (opt->depth > RT_MAX_DEPTH)
+        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "depth is %d: it must be negative (none), 0 (as %d) or at most %d",
+                        opt->depth, RTI_DEPTH, RT_MAX_DEPTH);
     if (!(scene->camera.fov > 0 && scene->camera.fov < 180))
         return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "the camera's fov must lie between 0 and 180 degrees");
-    if ((status = rti_check_scene(scene, opt)) != RT_OK) return status;
+    if ((status = rti_scene_lacks(scene, opt->trace.error)) != RT_OK) return status;
     if (opt->raster && !rti_raster_fits(opt->raster, scene->geometry, &scene->camera, opt->width, opt->height))
         return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE,
                         "raster was made for another picture: geometry, camera, width and height must be the scene's");
-    if ((status = rti_choose(scene->accel, &opt->trace, RTI_BLOCK_RAYS, &batch, &job)) != RT_OK) return status;
-    view = rti_make_view(&scene->camera, opt->width, opt->height);
-    for (box[1] = y0; box[1] < y1; box[1] += RTI_BLOCK)
-        for (box[0] = x0; box[0] < x1; box[0] += RTI_BLOCK) {
-            rt_vec3 sums[RTI_BLOCK_RAYS];
-            memset(sums, 0, sizeof sums);
-            box[2] = x1 < box[0] + RTI_BLOCK ? x1 : box[0] + RTI_BLOCK;
-            box[3] = y1 < box[1] + RTI_BLOCK ? y1 : box[1] + RTI_BLOCK;
-            for (sample = 0; sample < spp; sample++) rti_render_block(scene, batch, job, &view, opt->raster, box, sample, spp, sums, rays);
-            for (y = box[1]; y < box[3]; y++)
-                for (x = box[0]; x < box[2]; x++)
-                    pixels[(size_t)y * (size_t)opt->width + (size_t)x] =
-                        rti_scale(sums[(y - box[1]) * RTI_BLOCK + x - box[0]], 1 / (float)spp);
-        }
+    memset(&r, 0, sizeof r);
+    if ((status = rti_choose(scene->accel, &opt->trace, RTI_BLOCK_RAYS, &r.batch, &r.job)) != RT_OK) return status;
+    rti_choose_shaders(&r, opt->trace.isa);
+    r.scene = scene;
+    r.raster = opt->raster;
+    r.view = rti_make_view(&scene->camera, opt->width, opt->height);
+    r.spp = opt->spp ? opt->spp : 1;
+    r.depth = opt->depth > 0 ? opt->depth : opt->depth ? 0 : RTI_DEPTH;
+    if (opt->trace.packet_width > RTI_BLOCK) rti_render_large(&r, tile, opt->width, pixels);
+    else rti_render_small(&r, tile, opt->width, pixels);
+    if (rays) {
+        rays->primary += r.counts.primary;
+        rays->shadow += r.counts.shadow;
+        rays->reflect += r.counts.reflect;
+        rays->refract += r.counts.refract;
+    }
     return RT_OK;
 }
 
@@ -6972,6 +7396,133 @@ RTI_NOINLINE RTI_TARGET void rti_cover(const rt_raster *r, const rti_block *b)
 #undef RTI_PACKET_COUNT
 #undef RTI_QUEUE
 #undef RTI_FEW
+
+#endif
+
+/* ---- >>shade -------------------------------------------------------------------------------------------------------- */
+
+#ifndef RT_NO_SHADING
+
+/* Products are rounded before they are summed, so that every width draws the same picture. */
+
+#define rti_vsqrt RTI_NAME_(rti_vsqrt)
+#define rti_vdot RTI_NAME_(rti_vdot)
+#define rti_vunit RTI_NAME_(rti_vunit)
+#define rti_vflip RTI_NAME_(rti_vflip)
+#define rti_vload3 RTI_NAME_(rti_vload3)
+#define rti_vstore3 RTI_NAME_(rti_vstore3)
+#define rti_finish RTI_NAME_(rti_finish)
+#define rti_aim RTI_NAME_(rti_aim)
+
+#if RTI_LANES == RTI_LANES_FLOAT
+RTI_FN rti_v rti_vsqrt(rti_v a) { return sqrtf(a); }
+#elif RTI_LANES == RTI_LANES_ARRAY
+RTI_FN rti_v rti_vsqrt(rti_v a) { int i; for (i = 0; i < RTI_WIDTH; i++) a.f[i] = sqrtf(a.f[i]); return a; }
+#elif RTI_LANES == RTI_LANES_SSE2
+RTI_FN rti_v rti_vsqrt(rti_v a) { return _mm_sqrt_ps(a); }
+#else
+RTI_FN rti_v rti_vsqrt(rti_v a) { return _mm256_sqrt_ps(a); }
+#endif
+
+RTI_FN rti_v rti_vdot(const rti_v a[3], const rti_v b[3])
+{
+    return rti_vadd(rti_vadd(rti_vround(rti_vmul(a[0], b[0])), rti_vround(rti_vmul(a[1], b[1]))), rti_vround(rti_vmul(a[2], b[2])));
+}
+
+/* As rti_normalize. */
+RTI_FN void rti_vunit(rti_v a[3])
+{
+    const rti_v least = rti_vset(FLT_MIN), one = rti_vset(1);
+    rti_v scale = rti_vdiv(one, rti_vmax(rti_vmax(rti_vabs(a[0]), rti_vabs(a[1])), rti_vmax(rti_vabs(a[2]), least)));
+    int k;
+    for (k = 0; k < 3; k++) a[k] = rti_vmul(a[k], scale);
+    scale = rti_vdiv(one, rti_vsqrt(rti_vmax(rti_vdot(a, a), least)));
+    for (k = 0; k < 3; k++) a[k] = rti_vmul(a[k], scale);
+}
+
+/* Turns a round where sign is negative. */
+RTI_FN void rti_vflip(rti_v a[3], rti_v sign)
+{
+    const rti_v side = rti_vsign(rti_vset(1), sign);
+    int k;
+    for (k = 0; k < 3; k++) a[k] = rti_vmul(a[k], side);
+}
+
+RTI_FN void rti_vload3(const float *lanes, int lane, rti_v a[3])
+{
+    int k;
+    for (k = 0; k < 3; k++) a[k] = rti_vload(lanes + (lane + k) * RTI_ABREAST);
+}
+
+RTI_FN void rti_vstore3(float *lanes, int lane, const rti_v a[3])
+{
+    int k;
+    for (k = 0; k < 3; k++) rti_vstore(lanes + (lane + k) * RTI_ABREAST, a[k]);
+}
+
+/* From what is gathered to what rti_lane says of each surface. */
+RTI_NOINLINE RTI_TARGET void rti_finish(rti_surfaces *s, size_t count)
+{
+    size_t at;
+    for (at = 0; at < count; at += RTI_WIDTH) {
+        float *const lanes = s[at / RTI_ABREAST].lane[0] + at % RTI_ABREAST;
+        rti_v point[3], view[3], geometric[3], normal[3], offset, reach, size;
+        int k;
+        rti_vload3(lanes, RTI_POINT, point);
+        rti_vload3(lanes, RTI_VIEW, view);
+        rti_vload3(lanes, RTI_GEOMETRIC, geometric);
+        rti_vload3(lanes, RTI_NORMAL, normal);
+        size = rti_vmax(rti_vmax(rti_vabs(point[0]), rti_vabs(point[1])), rti_vabs(point[2]));
+        reach = rti_vmul(rti_vload(lanes + RTI_OFFSET * RTI_ABREAST), rti_vmax(rti_vmax(rti_vabs(view[0]), rti_vabs(view[1])), rti_vabs(view[2])));
+        offset = rti_vmul(rti_vadd(size, rti_vround(reach)), rti_vset(3e-6f));      /* some 50 rounding errors of the numbers that made point */
+        for (k = 0; k < 3; k++) view[k] = rti_vsub(rti_vset(0), view[k]);
+        rti_vunit(view);
+        rti_vunit(geometric);
+        rti_vunit(normal);
+        rti_vflip(geometric, rti_vdot(geometric, view));
+        rti_vflip(normal, rti_vdot(normal, geometric));
+        for (k = 0; k < 3; k++) point[k] = rti_vadd(point[k], rti_vround(rti_vmul(geometric[k], offset)));
+        rti_vstore3(lanes, RTI_POINT, point);
+        rti_vstore3(lanes, RTI_VIEW, view);
+        rti_vstore3(lanes, RTI_GEOMETRIC, geometric);
+        rti_vstore3(lanes, RTI_NORMAL, normal);
+        rti_vstore(lanes + RTI_OFFSET * RTI_ABREAST, offset);
+    }
+}
+
+/* What one light does to each surface that it may reach. */
+RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, rt_vec3 light)
+{
+    const rti_v place[3] = { rti_vset(light.x), rti_vset(light.y), rti_vset(light.z) }, zero = rti_vset(0);
+    size_t at;
+    for (at = 0; at < count; at += RTI_WIDTH) {
+        float *const lanes = s[at / RTI_ABREAST].lane[0] + at % RTI_ABREAST;
+        rti_v point[3], view[3], geometric[3], normal[3], to[3], cosine, mirrored;
+        unsigned before;
+        int k;
+        rti_vload3(lanes, RTI_POINT, point);
+        rti_vload3(lanes, RTI_VIEW, view);
+        rti_vload3(lanes, RTI_GEOMETRIC, geometric);
+        rti_vload3(lanes, RTI_NORMAL, normal);
+        for (k = 0; k < 3; k++) to[k] = rti_vsub(place[k], point[k]);
+        rti_vstore3(lanes, RTI_TO_LIGHT, to);
+        rti_vunit(to);
+        cosine = rti_vdot(normal, to);
+        before = rti_vlt(zero, rti_vdot(geometric, to));
+        mirrored = rti_vmul(rti_vadd(cosine, cosine), rti_vdot(normal, view));
+        rti_vstore(lanes + RTI_COSINE * RTI_ABREAST, rti_vselect(before, cosine, zero));
+        rti_vstore(lanes + RTI_HIGHLIGHT * RTI_ABREAST, rti_vsub(rti_vround(mirrored), rti_vdot(to, view)));
+    }
+}
+
+#undef rti_vsqrt
+#undef rti_vdot
+#undef rti_vunit
+#undef rti_vflip
+#undef rti_vload3
+#undef rti_vstore3
+#undef rti_finish
+#undef rti_aim
 
 #endif
 

@@ -27,7 +27,7 @@
 #define MAX_PIXELS  100000000               /* 1.2 GB while it is rendered */
 #define MAX_SPP     65536
 #define MAX_THREADS 1024
-#define TILE        32                      /* pixels a side: some hundred tiles a picture, each a millisecond or more of work */
+#define TILE        64                      /* pixels a side, a multiple of the library's blocks: some hundred tiles a picture */
 
 /* Says what is wrong, in one line; false, so that a caller can return it. */
 static bool fail(const char *format, ...)
@@ -58,7 +58,7 @@ typedef struct { bool given; rt_vec3 value; } point;
 
 typedef struct {
     const char *scene_name, *output;
-    int width, height, spp, threads;        /* threads 0: all processors */
+    int width, height, spp, depth, threads; /* threads 0: all processors */
     rt_structure structure;                 /* RT_STRUCTURE_COUNT until it is known */
     const rt_algorithm_info *algorithm;
     int packet;                             /* 0: the algorithm's default */
@@ -116,6 +116,7 @@ static bool read_point(const char *text, point *out)
 
 static bool set_output(options *o, const char *text)  { o->output = text; return text[0] != '\0'; }
 static bool set_spp(options *o, const char *text)     { return read_int(text, '\0', 1, MAX_SPP, &o->spp, NULL); }
+static bool set_depth(options *o, const char *text)   { return read_int(text, '\0', 0, RT_MAX_DEPTH, &o->depth, NULL); }
 static bool set_packet(options *o, const char *text)  { return read_int(text, '\0', 0, INT_MAX, &o->packet, NULL); }
 static bool set_stack(options *o, const char *text)   { return read_int(text, '\0', 1, RT_MAX_SHORT_STACK, &o->short_stack, NULL); }
 static bool set_threads(options *o, const char *text) { return read_int(text, '\0', 1, MAX_THREADS, &o->threads, NULL); }
@@ -177,6 +178,7 @@ static const struct {
     { "--size",      "WxH",      set_size,      "pixels (default 800x600)",
       "WxH, each 1 to " TEXT(MAX_SIDE) ", at most " TEXT(MAX_PIXELS) " pixels together" },
     { "--spp",       "N",        set_spp,       "samples a pixel (default 4)",                       "1 to " TEXT(MAX_SPP) },
+    { "--depth",     "N",        set_depth,     "levels of mirrored and refracted rays (default 5; 0: none)", "0 to " TEXT(RT_MAX_DEPTH) },
     { "--structure", "NAME",     set_structure, "what to build (default: what the algorithm takes)", "one of:" RT_STRUCTURE_LIST(LISTED) },
     { "--algorithm", "NAME",     set_algorithm, "how to trace (default auto)",                       "an algorithm's name: see --help" },
     { "--packet",    "N",        set_packet,    "packet width (default 0: the algorithm's own)",     "0 or a width, see --help" },
@@ -195,7 +197,7 @@ static const struct {
 #define OPTION_COUNT (sizeof option_table / sizeof option_table[0])
 
 /* Command line names that are taken, for what is still to come. */
-static const char *const unbuilt_options[] = { "--depth", "--sampler", "--time", "--error", "--report", "--gpu" };
+static const char *const unbuilt_options[] = { "--sampler", "--time", "--error", "--report", "--gpu" };
 #define UNBUILT_COUNT (sizeof unbuilt_options / sizeof unbuilt_options[0])
 
 /* Is argument "name" or "name=..."? */
@@ -385,6 +387,8 @@ typedef struct {
     progress *bar;
 } frame;
 
+static uint64_t all_rays(const rt_ray_counts *rays) { return rays->primary + rays->shadow + rays->reflect + rays->refract; }
+
 static void render_one_tile(void *context, size_t index)
 {
     frame *f = context;
@@ -404,8 +408,10 @@ static void render_one_tile(void *context, size_t index)
     }
     f->rays.primary += rays.primary;
     f->rays.shadow += rays.shadow;
+    f->rays.reflect += rays.reflect;
+    f->rays.refract += rays.refract;
     f->done++;
-    progress_draw(f->bar, seconds_now() - f->start, (double)f->done / (double)f->tiles, f->rays.primary + f->rays.shadow);
+    progress_draw(f->bar, seconds_now() - f->start, (double)f->done / (double)f->tiles, all_rays(&f->rays));
     pthread_mutex_unlock(&f->lock);
 }
 
@@ -488,8 +494,8 @@ static void print_summary(const options *o, const scene *loaded, const rt_info *
                           double build_seconds, double sort_seconds, double render_seconds)
 {
     size_t primitives = tree->triangles + tree->spheres;
-    uint64_t rays = f->rays.primary + f->rays.shadow;
-    label a, b, c;
+    uint64_t rays = all_rays(&f->rays);
+    label a, b, c, d, e;
 
     printf("scene     %s, loaded in %.3f s", o->scene_name, load_seconds);
     if (loaded->bytes_read) printf(" (%s)", byte_size(loaded->bytes_read, &a));
@@ -505,10 +511,11 @@ static void print_summary(const options *o, const scene *loaded, const rt_info *
         printf("\nprimary   rasterised: %s primitives seen, sorted in %.3f s, %s", grouped(raster.seen, &a), sort_seconds,
                byte_size(raster.bytes, &b));
     } else printf("\nprimary   traced");
-    printf("\nrays      %s: %s primary, %s shadow\n", grouped(rays, &a), grouped(f->rays.primary, &b), grouped(f->rays.shadow, &c));
+    printf("\nrays      %s: %s primary, %s shadow, %s reflected, %s refracted\n", grouped(rays, &a), grouped(f->rays.primary, &b),
+           grouped(f->rays.shadow, &c), grouped(f->rays.reflect, &d), grouped(f->rays.refract, &e));
     printf("speed     %.2f Mrays/s: %.3f s with %s on %d thread%s\n", (double)rays / render_seconds * 1e-6, render_seconds,
            o->algorithm->name, threads, threads == 1 ? "" : "s");
-    printf("picture   %s, %dx%d, %d sample%s a pixel\n", o->output, o->width, o->height, o->spp, o->spp == 1 ? "" : "s");
+    printf("picture   %s, %dx%d, %d sample%s a pixel, depth %d\n", o->output, o->width, o->height, o->spp, o->spp == 1 ? "" : "s", o->depth);
 }
 
 /* ---- >>main --------------------------------------------------------------------------------------------------------- */
@@ -580,6 +587,7 @@ static bool render(options *o)
 
     view = scene_view(&loaded, accel);
     if (!aim(o, &loaded, &view, lights)) goto cleanup;
+    if (rt_check_scene(&view, &error) != RT_OK) { fail("%s: %s", o->scene_name, error.message); goto cleanup; }
     start = seconds_now();
     if (o->raster) {
         sort.parallel_for = pool_for;
@@ -594,6 +602,7 @@ static bool render(options *o)
     f.how.width = o->width;
     f.how.height = o->height;
     f.how.spp = o->spp;
+    f.how.depth = o->depth ? o->depth : -1;
     f.bar = &bar;
     status = render_frame(&f, workers);
     render_seconds = seconds_now() - f.start;
@@ -622,6 +631,7 @@ int main(int argc, char **argv)
     o.width = 800;
     o.height = 600;
     o.spp = 4;
+    o.depth = 5;
     o.structure = RT_STRUCTURE_COUNT;
     o.algorithm = rt_algorithm_get(0);
     if (!parse_options(&o, argc, argv)) return EXIT_FAILURE;

@@ -790,8 +790,12 @@ static const char *sn_name_text(const sn_names *set, size_t i)
 
 static rt_material sn_grey(void)
 {
-    rt_material m = { { 0.8f, 0.8f, 0.8f }, { 0, 0, 0 }, { 0, 0, 0 }, 1 };
+    rt_material m;
 
+    memset(&m, 0, sizeof m);
+    m.diffuse = sn_vec3(0.8f, 0.8f, 0.8f);
+    m.shininess = 1;
+    m.ior = 1;
     return m;
 }
 
@@ -824,11 +828,51 @@ static void sn_set_material(sn_builder *b, const char *name, rt_material m)
 
 /* ---- >>mtl ---------------------------------------------------------------------------------------------------------- */
 
+/* What a newmtl says besides the numbers of rt_material. */
+typedef struct {
+    int illum;                              /* 0 and 1: dull, 2: with a highlight, 3 to 9: with secondary rays */
+    float opacity;                          /* d, or 1 - Tr; negative: not given */
+    rt_vec3 filter;                         /* Tf */
+} sn_mtl_extra;
+
+static const sn_mtl_extra sn_mtl_default = { 2, -1, { 1, 1, 1 } };
+
 /* A highlight with an exponent below 1 would cover the whole surface: exporters write Ns 0 where there is none. */
-static void sn_settle_material(rt_material *m, int illum)
+static void sn_settle_highlight(rt_material *m)
 {
-    if (m->shininess < 1) m->shininess = 0;
-    if (m->shininess < 1 || illum == 0 || illum == 1) m->specular = sn_vec3(0, 0, 0);
+    if (m->shininess < 1) {
+        m->shininess = 0;
+        m->specular = sn_vec3(0, 0, 0);
+    }
+}
+
+/* Secondary rays only where illum asks for them, since exporters write Ks, d and Ni for all: 3 and 5 mirror; 4 mirrors and lets pass, 6
+   refracts too, in 7 Fresnel's equations say how much is mirrored. 8 and 9 are 3 and 4 for programs that do not trace rays. Without d,
+   what lets pass is clear. */
+static void sn_settle_mtl(rt_material *m, const sn_mtl_extra *extra)
+{
+    const int illum = extra->illum == 8 ? 3 : extra->illum == 9 ? 4 : extra->illum;
+    const float opacity = extra->opacity, clear = opacity < 0 ? 1 : 1 - opacity;
+
+    if (illum >= 3 && illum <= 6) m->reflect = m->specular;
+    if (illum == 4 || illum == 6 || illum == 7) {
+        m->transmit = sn_vec3(extra->filter.x * clear, extra->filter.y * clear, extra->filter.z * clear);
+        m->fresnel = illum == 7;
+        if (opacity >= 0) m->diffuse = sn_vec3(m->diffuse.x * opacity, m->diffuse.y * opacity, m->diffuse.z * opacity);
+    }
+    if (illum < 6 || m->ior == 0) m->ior = 1;       /* Ni 0 is written where none is meant */
+    if (illum == 0 || illum == 1) m->specular = sn_vec3(0, 0, 0);
+    sn_settle_highlight(m);
+}
+
+/* The number, or the nearest that is allowed. */
+static float sn_mtl_clamp(sn_builder *b, const char *key, float value, float most)
+{
+    const float nearest = value < 0 ? 0 : value > most ? most : value;
+
+    if (value < 0) sn_warn(b, "%s: %g is negative; 0 is used", key, (double)value);
+    else if (value > most) sn_warn(b, "%s: %g is above %g, which is used", key, (double)value, (double)most);
+    return nearest;
 }
 
 /* r g b, or r alone for grey. */
@@ -844,16 +888,21 @@ static void sn_mtl_color(sn_builder *b, const char *key, const char *p, rt_vec3 
     }
     count = sn_numbers(b, key, &p, c, 1, 3);
     if (count == 2) sn_fail(b, "%s: 3 numbers expected, not 2", key);
-    else if (count > 0) *out = count == 1 ? sn_vec3(c[0], c[0], c[0]) : sn_vec3(c[0], c[1], c[2]);
+    else if (count > 0) {
+        int i;
+
+        for (i = 0; i < count; i++) c[i] = sn_mtl_clamp(b, key, c[i], FLT_MAX);
+        *out = count == 1 ? sn_vec3(c[0], c[0], c[0]) : sn_vec3(c[0], c[1], c[2]);
+    }
 }
 
 static void sn_mtl(sn_builder *b, sn_text *text)
 {
     static const char *const scalars[] = { "Ns", "d", "Tr", "Ni", "illum" };
     rt_material ignored = sn_grey(), *m = NULL;
+    sn_mtl_extra extra = sn_mtl_default;
     char *p, *stop;
     size_t lines = 0;
-    int illum = 2;
 
     b->line = 1;
     for (p = text->data; p < text->data + text->size && !b->no_memory; p = stop + 1, b->line += lines) {
@@ -868,7 +917,7 @@ static void sn_mtl(sn_builder *b, sn_text *text)
             sn_name name = sn_rest(text->data, end);
             uint32_t number = sn_use_material(b, text->data + name.start, name.length);
 
-            if (m) sn_settle_material(m, illum);
+            if (m) sn_settle_mtl(m, &extra);
             if (number == RT_NONE) return;
             ignored = sn_grey();            /* of two definitions the first one holds */
             m = &ignored;
@@ -877,7 +926,7 @@ static void sn_mtl(sn_builder *b, sn_text *text)
                 m = &((rt_material *)b->materials.data)[number];
                 m->shininess = 0;
             }
-            illum = 2;
+            extra = sn_mtl_default;
             continue;
         }
         if (!m) {
@@ -887,6 +936,7 @@ static void sn_mtl(sn_builder *b, sn_text *text)
         if (sn_is_word(key, "Kd")) sn_mtl_color(b, "Kd", end, &m->diffuse);
         else if (sn_is_word(key, "Ks")) sn_mtl_color(b, "Ks", end, &m->specular);
         else if (sn_is_word(key, "Ke")) sn_mtl_color(b, "Ke", end, &m->emission);
+        else if (sn_is_word(key, "Tf")) sn_mtl_color(b, "Tf", end, &extra.filter);
         else if (sn_is_word(key, "Ka")) sn_mtl_color(b, "Ka", end, &ignored.diffuse);
         for (i = 0; i < sizeof scalars / sizeof *scalars; i++) {
             float value;
@@ -896,10 +946,13 @@ static void sn_mtl(sn_builder *b, sn_text *text)
             if (i == 1 && sn_is_word(end, "-halo")) end += 5;
             if (sn_numbers(b, scalars[i], &end, &value, 1, 1) < 0) continue;
             if (i == 0) m->shininess = value;
-            if (i == 4) illum = value >= 0 && value <= 10 ? (int)value : 2;
+            if (i == 1) extra.opacity = sn_mtl_clamp(b, "d", value, 1);
+            if (i == 2) extra.opacity = 1 - sn_mtl_clamp(b, "Tr", value, 1);
+            if (i == 3) m->ior = sn_mtl_clamp(b, "Ni", value, FLT_MAX);
+            if (i == 4) extra.illum = value >= 0 && value <= 10 ? (int)value : 2;
         }
     }
-    if (m) sn_settle_material(m, illum);
+    if (m) sn_settle_mtl(m, &extra);
 }
 
 /* Reads the .mtl file at path, if that has not been done; false if there is none. */
@@ -1396,21 +1449,31 @@ static bool sn_nff_view(sn_nff *r)
     return true;
 }
 
-/* f r g b Kd Ks Shine T ior: what is missing at the end is as if the surface were dull. */
+/* f r g b Kd Ks Shine T ior: what is missing at the end is as if the surface were dull. Ks mirrors too, and T lets pass, as the scenes
+   of the SPD mean it. */
 static bool sn_nff_fill(sn_nff *r)
 {
+    static const char *const names[] = { "r", "g", "b", "Kd", "Ks", "Shine", "T", "the index of refraction" };
     float x[8] = { 0, 0, 0, 1, 0, 0, 0, 1 };
     rt_material m = sn_grey();
     char name[32];
+    int i;
 
     if (!sn_nff_numbers(r, x, 3)) return false;
     sn_nff_more(r, x + 3, 5);
+    for (i = 0; i < 8; i++)
+        if (x[i] < 0) return sn_fail(r->b, "f: %s is %g; it must not be negative", names[i], (double)x[i]);
+    for (i = 4; i < 7; i += 2)
+        if (x[i] > 1) return sn_fail(r->b, "f: %s is %g; it must lie between 0 and 1", names[i], (double)x[i]);
     m.diffuse = sn_vec3(x[0] * x[3], x[1] * x[3], x[2] * x[3]);
     if (!isfinite(m.diffuse.x) || !isfinite(m.diffuse.y) || !isfinite(m.diffuse.z))
         return sn_fail(r->b, "f: the colour times Kd is too large");
     m.specular = sn_vec3(x[4], x[4], x[4]);
     m.shininess = x[5];
-    sn_settle_material(&m, 2);
+    m.reflect = m.specular;
+    m.transmit = sn_vec3(x[6], x[6], x[6]);
+    m.ior = x[7] > 0 ? x[7] : 1;
+    sn_settle_highlight(&m);
     snprintf(name, sizeof name, "line %zu", r->b->line);
     sn_set_material(r->b, name, m);
     return true;
@@ -1622,6 +1685,33 @@ static void sn_set_phong(sn_builder *b, const char *name, rt_vec3 diffuse, float
     sn_set_material(b, name, m);
 }
 
+/* The same, which also mirrors that much. */
+static void sn_set_mirror(sn_builder *b, const char *name, rt_vec3 diffuse, float specular, float shininess)
+{
+    rt_material m = sn_grey();
+
+    m.diffuse = diffuse;
+    m.specular = m.reflect = sn_vec3(specular, specular, specular);
+    m.shininess = shininess;
+    sn_settle_highlight(&m);
+    sn_set_material(b, name, m);
+}
+
+/* Clear, but for what it absorbs of each colour on a length of 1. */
+static void sn_set_glass(sn_builder *b, const char *name, float ior, rt_vec3 absorb)
+{
+    rt_material m = sn_grey();
+
+    m.diffuse = sn_vec3(0, 0, 0);
+    m.specular = sn_vec3(0.5f, 0.5f, 0.5f);
+    m.shininess = 100;
+    m.transmit = sn_vec3(1, 1, 1);
+    m.absorb = absorb;
+    m.ior = ior;
+    m.fresnel = true;
+    sn_set_material(b, name, m);
+}
+
 /* A polygon as p of NFF would make it. */
 static void sn_add_face(sn_builder *b, const rt_vec3 *points, uint32_t count)
 {
@@ -1734,7 +1824,7 @@ static void sn_make_balls(sn_builder *b, uint64_t size)
     sn_add_light(b, sn_vec3(-3, 1, 5), sn_vec3(-1, -1, -1));
     sn_set_phong(b, "ground", sn_vec3(0.8f, 0.6f, 0.264f), 0, 0);
     sn_add_face(b, ground, 4);
-    sn_set_phong(b, "ball", sn_vec3(0.5f, 0.45f, 0.35f), 0.5f, 3.0827f);
+    sn_set_mirror(b, "ball", sn_vec3(0.5f, 0.45f, 0.35f), 0.5f, 3.0827f);
     sn_add_flake(b, center, 0.5, up, size);
 }
 
@@ -1774,7 +1864,7 @@ static void sn_make_rings(sn_builder *b, uint64_t size)
 
                 corner[i] = sn_vec3((float)(x + u * c - v * lean * s), (float)(depth + u * s + v * lean * c), (float)(z + v * lift));
             }
-            sn_set_phong(b, names[ring], sn_vec3(colors[ring].x / 2, colors[ring].y / 2, colors[ring].z / 2), 0.2f, 3.0827f);
+            sn_set_mirror(b, names[ring], sn_vec3(colors[ring].x / 2, colors[ring].y / 2, colors[ring].z / 2), 0.2f, 3.0827f);
             for (i = 0; i < 5; i++) {
                 sn_add_cone(b, corner[i], (float)thick, corner[(i + 4) % 5], (float)thick);
                 sn_add_sphere(b, corner[i], (float)thick);
@@ -1931,7 +2021,7 @@ static void sn_make_terrain(sn_builder *b, uint64_t size)
                 c[n].v = c[n].n = (uint32_t)v[n];
                 lake = lake && points[3 * v[n] + 2] <= 0;
             }
-            if (lake) sn_set_phong(b, "lake", sn_vec3(1, 1, 1), 0.6f, 60);
+            if (lake) sn_set_mirror(b, "lake", sn_vec3(1, 1, 1), 0.4f, 60);
             else sn_set_phong(b, "land", sn_vec3(1, 1, 1), 0, 0);
             sn_add_triangle(b, c[0], c[1], c[2]);
             sn_add_triangle(b, c[0], c[2], c[3]);
@@ -1977,6 +2067,107 @@ static void sn_make_sphere(sn_builder *b, uint64_t size)
     b->shapes = b->triangles.count;
 }
 
+/* The square floor from -half to half, in count x count fields of two materials. */
+static void sn_add_chequers(sn_builder *b, float y, float half, int count, const char *light, const char *dark)
+{
+    const float field = 2 * half / (float)count;
+    int i, j;
+
+    for (j = 0; j < count && !b->no_memory; j++)
+        for (i = 0; i < count; i++) {
+            const float x0 = field * (float)i - half, z0 = field * (float)j - half, x1 = x0 + field, z1 = z0 + field;
+            const rt_vec3 corners[4] = { { x0, y, z0 }, { x0, y, z1 }, { x1, y, z1 }, { x1, y, z0 } };
+
+            if ((i + j) % 2) sn_set_mirror(b, dark, sn_vec3(0.05f, 0.06f, 0.09f), 0.12f, 60);
+            else sn_set_phong(b, light, sn_vec3(0.75f, 0.72f, 0.66f), 0, 0);
+            sn_add_face(b, corners, 4);
+        }
+}
+
+/* A closed box, its faces turned outwards; turned by an angle around y. */
+static void sn_add_box(sn_builder *b, rt_vec3 center, rt_vec3 half, float turn)
+{
+    static const unsigned char faces[6][4] = { { 0, 4, 6, 2 }, { 1, 3, 7, 5 }, { 0, 1, 5, 4 }, { 2, 6, 7, 3 }, { 0, 2, 3, 1 }, { 4, 5, 7, 6 } };
+    const float c = cosf(turn), s = sinf(turn);
+    rt_vec3 corners[8], face[4];
+    int i, k;
+
+    for (i = 0; i < 8; i++) {
+        const float x = i & 1 ? half.x : -half.x, y = i & 2 ? half.y : -half.y, z = i & 4 ? half.z : -half.z;
+
+        corners[i] = sn_vec3(center.x + c * x + s * z, center.y + y, center.z - s * x + c * z);
+    }
+    for (i = 0; i < 6; i++) {
+        for (k = 0; k < 4; k++) face[k] = corners[faces[i][k]];
+        sn_add_face(b, face, 4);
+    }
+}
+
+/* A gallery between two mirrors that face each other, with N rows of coloured balls on pedestals. */
+static void sn_make_mirrors(sn_builder *b, uint64_t size)
+{
+    static const rt_vec3 colors[3] = { { 0.75f, 0.12f, 0.08f }, { 0.08f, 0.45f, 0.15f }, { 0.1f, 0.2f, 0.7f } };
+    static const char *const names[3] = { "red", "green", "blue" };
+    const float length = 2.5f * (float)size + 2, half = length / 2, width = 3, height = 3;
+    const rt_vec3 left[4] = { { -width, 0, -half }, { -width, height, -half }, { -width, height, half }, { -width, 0, half } };
+    const rt_vec3 right[4] = { { width, 0, half }, { width, height, half }, { width, height, -half }, { width, 0, -half } };
+    const rt_vec3 back[4] = { { -width, 0, -half }, { width, 0, -half }, { width, height, -half }, { -width, height, -half } };
+    const rt_vec3 ceiling[4] = { { -width, height, half }, { -width, height, -half }, { width, height, -half }, { width, height, half } };
+    uint64_t i;
+    int k;
+
+    sn_set_background(b, sn_vec3(0.02f, 0.02f, 0.03f));
+    b->ambient = sn_vec3(0.15f, 0.15f, 0.16f);
+    sn_set_camera(b, sn_vec3(-0.8f, 1.9f, half - 0.2f), sn_vec3(1.1f, 0.9f, half - 4.5f), sn_vec3(0, 1, 0), 60);
+    for (i = 0; i < 2; i++) sn_add_light(b, sn_vec3(0, 2.8f, i ? -half / 2 : half / 2), sn_vec3(0.42f, 0.41f, 0.38f));
+    for (i = 0; i < size; i++)
+        for (k = 0; k < 3 && !b->no_memory; k++) {
+            const float x = 1.6f * (float)(k - 1), z = half - 3 - 2.5f * (float)i + (k == 1 ? 0.8f : 0);
+
+            sn_set_phong(b, "stone", sn_vec3(0.55f, 0.52f, 0.48f), 0, 0);
+            sn_add_box(b, sn_vec3(x, 0.3f, z), sn_vec3(0.3f, 0.3f, 0.3f), 0.4f * (float)k);
+            sn_set_mirror(b, names[((uint64_t)k + i) % 3], colors[((uint64_t)k + i) % 3], 0.25f, 50);
+            sn_add_sphere(b, sn_vec3(x, 0.95f, z), 0.35f);
+            b->shapes++;
+        }
+    sn_add_chequers(b, 0, half > width ? half : width, 2 * (int)(half > width ? half : width), "light", "dark");
+    sn_set_phong(b, "plaster", sn_vec3(0.7f, 0.7f, 0.68f), 0, 0);
+    sn_add_face(b, back, 4);
+    sn_add_face(b, ceiling, 4);
+    sn_set_mirror(b, "mirror", sn_vec3(0, 0, 0), 0.92f, 0);
+    sn_add_face(b, left, 4);
+    sn_add_face(b, right, 4);
+}
+
+/* On a chequered floor: N x N balls of clear and coloured glass, with a block of glass and a mirror ball behind them. */
+static void sn_make_glass(sn_builder *b, uint64_t size)
+{
+    static const rt_vec3 tints[4] = { { 0.02f, 0.01f, 0.015f }, { 0.1f, 1.1f, 1.6f }, { 1.4f, 0.25f, 0.9f }, { 1.5f, 0.7f, 0.08f } };
+    static const char *const names[4] = { "clear", "red glass", "green glass", "blue glass" };
+    const float n = (float)size, radius = 0.42f;
+    uint64_t i, j;
+
+    sn_set_background(b, sn_vec3(0.35f, 0.5f, 0.75f));
+    b->ambient = sn_vec3(0.2f, 0.2f, 0.22f);
+    sn_set_camera(b, sn_vec3(0.45f * n + 0.6f, 0.6f * n + 1.2f, 1.1f * n + 2.2f), sn_vec3(0, 0.25f, -0.25f), sn_vec3(0, 1, 0), 42);
+    sn_add_light(b, sn_vec3(-2 * n, 4 * n + 2, 2 * n), sn_vec3(0.6f, 0.58f, 0.55f));
+    sn_add_light(b, sn_vec3(3 * n, 3 * n + 2, n + 2), sn_vec3(0.3f, 0.3f, 0.32f));
+    sn_add_chequers(b, 0, n + 3, 2 * ((int)size + 3), "light", "dark");
+    for (j = 0; j < size; j++)
+        for (i = 0; i < size && !b->no_memory; i++) {
+            const uint64_t kind = (i + 2 * j) % 4;
+
+            sn_set_glass(b, names[kind], 1.5f, tints[kind]);
+            sn_add_sphere(b, sn_vec3((float)i - (n - 1) / 2, radius + 0.01f, (float)j - (n - 1) / 2), radius);
+            b->shapes++;
+        }
+    sn_set_glass(b, "block", 1.52f, sn_vec3(0.35f, 0.05f, 0.2f));
+    sn_add_box(b, sn_vec3(-0.9f, 0.61f, -n / 2 - 0.7f), sn_vec3(0.7f, 0.6f, 0.25f), 0.35f);
+    sn_set_mirror(b, "mirror", sn_vec3(0.04f, 0.04f, 0.04f), 0.9f, 300);
+    sn_add_sphere(b, sn_vec3(0.9f, 0.8f, -n / 2 - 0.8f), 0.8f);
+    b->shapes++;
+}
+
 /* THE table of procedural scenes: name, least and greatest N (0: takes none), N when left out, function, what --help says. The
    greatest N keep a scene below 2^32 vertices and some 15 GB. */
 #define SCENE_PROCEDURAL_LIST(X)                                                                                                       \
@@ -1986,7 +2177,9 @@ static void sn_make_sphere(sn_builder *b, uint64_t size)
     X("tetra",   1, 13, 6,              sn_make_tetra,    "tetra:N      SPD Sierpinski tetrahedron: 4^N triangles")                    \
     X("cloud",   1, 100000000, 10000,   sn_make_cloud,    "cloud:N      N random triangles in a cube")                                 \
     X("terrain", 2, 100000000, 200000,  sn_make_terrain,  "terrain:N    mountains around a lake: about N triangles")                   \
-    X("sphere",  8, 100000000, 10000,   sn_make_sphere,   "sphere:N     a closed sphere mesh: about N triangles")
+    X("sphere",  8, 100000000, 10000,   sn_make_sphere,   "sphere:N     a closed sphere mesh: about N triangles")                     \
+    X("mirrors", 1, 100, 4,             sn_make_mirrors,  "mirrors:N    N rows of balls between two mirrors")                         \
+    X("glass",   1, 100, 3,             sn_make_glass,    "glass:N      N x N balls and a block of glass on a chequered floor")
 
 #define SN_PROCEDURAL_ROW(name, least, most, fallback, make, help) { name, least, most, fallback, make },
 #define SN_PROCEDURAL_HELP(name, least, most, fallback, make, help) "  " help "\n"
@@ -2005,7 +2198,7 @@ static void sn_make(sn_builder *b)
 
     while (i < rows && (strlen(sn_procedurals[i].name) != length || strncmp(sn_procedurals[i].name, name, length) != 0)) i++;
     if (i == rows) {
-        sn_fail(b, "neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N");
+        sn_fail(b, "neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N, mirrors:N, glass:N");
         return;
     }
     if (!colon) {

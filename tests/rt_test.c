@@ -4015,11 +4015,13 @@ static void rtt_test_camera(void)
 /* A white floor, a sphere above its middle, a lamp above that; the camera looks down from the side. */
 static void rtt_room(rtt_model *model, rt_scene *scene, rt_geometry *geometry, rt_accel **accel)
 {
-    static const rt_material materials[] = { { { 0.8f, 0.8f, 0.8f }, { 0, 0, 0 }, { 0, 0, 0 }, 1 },
-                                             { { 0.7f, 0.1f, 0.1f }, { 0.5f, 0.5f, 0.5f }, { 0, 0, 0 }, 30 } };
+    static rt_material materials[2];
     static const uint32_t ids[] = { 0, 0, 1 };
     static const rt_light light = { { 0, 8, 0 }, { 0.9f, 0.9f, 0.9f } };
 
+    materials[0].diffuse = rtt_v(0.8f, 0.8f, 0.8f);
+    materials[1].diffuse = rtt_v(0.7f, 0.1f, 0.1f);
+    materials[1].specular = rtt_v(0.5f, 0.5f, 0.5f), materials[1].shininess = 30;
     rtt_quad(model, rtt_v(-4, 0, -4), rtt_v(0, 0, 8), rtt_v(8, 0, 0));
     rtt_ball(model, rtt_v(0, 2, 0), 1);
     *geometry = rtt_geometry(model);
@@ -4054,7 +4056,7 @@ static void rtt_test_render(void)
     for (int spp = 1; spp <= 4; spp += 3)
         for (size_t w = 0; w <= rtt_way_count; w++) {
             rt_render_options options;
-            rt_ray_counts counts = { 0, 0 }, sum = { 0, 0 };
+            rt_ray_counts counts = { 0, 0, 0, 0 }, sum = { 0, 0, 0, 0 };
             uint32_t order[64];
 
             scene.accel = w ? rtt_accels_for(&accels, &rtt_ways[w - 1]) : accel;
@@ -4147,6 +4149,420 @@ static void rtt_test_render_instances(void)
     rtt_model_free(&room);
 }
 
+/* A model with its materials, one a quad or ball in the order in which they were added, quads first. */
+typedef struct {
+    rtt_model model;
+    rt_geometry geometry;
+    rt_accel *accel;
+    rt_scene scene;
+    rt_material materials[16];
+    uint32_t ids[32];
+    rt_light light;
+} rtt_stage;
+
+static rt_material rtt_material(rt_vec3 diffuse, rt_vec3 emission, rt_vec3 reflect, rt_vec3 transmit, float ior, bool fresnel)
+{
+    rt_material m;
+
+    memset(&m, 0, sizeof m);
+    m.diffuse = diffuse, m.emission = emission, m.reflect = reflect, m.transmit = transmit, m.ior = ior, m.fresnel = fresnel;
+    return m;
+}
+
+static rt_vec3 rtt_gray(float x) { return rtt_v(x, x, x); }
+static rt_material rtt_glass(float ior, bool fresnel)
+{
+    return rtt_material(rtt_gray(0), rtt_gray(0), rtt_gray(0), rtt_gray(1), ior, fresnel);
+}
+static rt_material rtt_mirror(float part, float glow) { return rtt_material(rtt_gray(0), rtt_gray(glow), rtt_gray(part), rtt_gray(0), 0, false); }
+
+/* Six quads of one material, turned outwards. */
+static void rtt_slab(rtt_stage *stage, rt_vec3 lower, rt_vec3 upper, uint32_t material)
+{
+    const rt_vec3 x = rtt_v(upper.x - lower.x, 0, 0), y = rtt_v(0, upper.y - lower.y, 0), z = rtt_v(0, 0, upper.z - lower.z);
+    const size_t first = stage->model.triangle_count;
+
+    rtt_quad(&stage->model, lower, y, x);
+    rtt_quad(&stage->model, lower, z, y);
+    rtt_quad(&stage->model, lower, x, z);
+    rtt_quad(&stage->model, rtt_add(lower, z), x, y);
+    rtt_quad(&stage->model, rtt_add(lower, x), y, z);
+    rtt_quad(&stage->model, rtt_add(lower, y), z, x);
+    for (size_t i = first; i < stage->model.triangle_count; i++)
+        stage->ids[i] = material;
+}
+
+static void rtt_stage_quad(rtt_stage *stage, rt_vec3 corner, rt_vec3 u, rt_vec3 v, uint32_t material)
+{
+    rtt_quad(&stage->model, corner, u, v);
+    stage->ids[stage->model.triangle_count - 1] = stage->ids[stage->model.triangle_count - 2] = material;
+}
+
+static void rtt_stage_build(rtt_stage *stage)
+{
+    stage->geometry = rtt_geometry(&stage->model);
+    if (!CHECK_STATUS(rt_build(&stage->accel, &stage->geometry, NULL), RT_OK))
+        rtt_die("a stage does not build");
+    stage->scene.accel = stage->accel, stage->scene.geometry = &stage->geometry;
+    stage->scene.materials = stage->materials, stage->scene.material_count = RTT_COUNT(stage->materials);
+    stage->scene.material_ids = stage->ids;
+    stage->scene.lights = &stage->light;
+    CHECK_STATUS(rt_check_scene(&stage->scene, NULL), RT_OK);
+}
+
+static void rtt_stage_free(rtt_stage *stage)
+{
+    rt_free(stage->accel);
+    rtt_model_free(&stage->model);
+}
+
+static rt_ray_counts rtt_draw(const rt_scene *scene, int width, int height, int depth, rt_vec3 *pixels)
+{
+    rt_render_options options;
+    rt_ray_counts counts = { 0, 0, 0, 0 };
+
+    memset(&options, 0, sizeof options);
+    options.width = width, options.height = height, options.depth = depth;
+    CHECK_STATUS(rt_render_tile(scene, &options, 0, 0, width, height, pixels, &counts), RT_OK);
+    return counts;
+}
+
+/* A mirror shows what is seen from behind it without it, left and right exchanged: shadows, mirrors in the mirror and all. */
+static void rtt_test_render_mirror(void)
+{
+    enum { WIDTH = 60, HEIGHT = 45, PIXELS = WIDTH * HEIGHT };
+    static rt_vec3 mirrored[PIXELS], direct[PIXELS];
+    static bool in_mirror[PIXELS];
+    rtt_stage stage;
+    rt_ray_counts counts;
+    size_t differ = 0, changed = 0, seen = 0;
+
+    for (int with = 1; with >= 0; with--) {
+        memset(&stage, 0, sizeof stage);
+        stage.materials[0] = rtt_mirror(1, 0);
+        stage.materials[1] = rtt_material(rtt_gray(0.7f), rtt_gray(0), rtt_gray(0), rtt_gray(0), 0, false);
+        stage.materials[2] = rtt_material(rtt_v(0.6f, 0.1f, 0.1f), rtt_gray(0), rtt_gray(0.3f), rtt_gray(0), 0, false);
+        if (with)
+            rtt_stage_quad(&stage, rtt_v(-50, -50, 0), rtt_v(100, 0, 0), rtt_v(0, 100, 0), 0);
+        rtt_stage_quad(&stage, rtt_v(-8, -1, 0.25f), rtt_v(0, 0, 12), rtt_v(16, 0, 0), 1);
+        for (int i = 0; i < 5; i++) {
+            rtt_ball(&stage.model, rtt_v((float)(i - 2) * 1.25f + 0.3f, (float)(i % 2) * 0.8f, 2.5f + 0.5f * (float)i), 0.6f);
+            stage.ids[stage.model.triangle_count + (size_t)i] = i % 2 ? 1 : 2;
+        }
+        rtt_stage_build(&stage);
+        stage.scene.light_count = 1;
+        stage.light.position = rtt_v(1, 6, 4), stage.light.color = rtt_gray(1);
+        stage.scene.ambient = rtt_gray(0.1f), stage.scene.background = rtt_v(0.1f, 0.2f, 0.4f);
+        stage.scene.camera = (rt_camera){ { 0.5f, 1.5f, with ? 9.0f : -9.0f }, { 0.2f, 1, 0 }, { 0, 1, 0 }, 50 };
+        counts = rtt_draw(&stage.scene, WIDTH, HEIGHT, with ? 2 : 1, with ? mirrored : direct);
+        for (int i = 0; i < PIXELS && with; i++) {
+            const rt_ray ray = rt_camera_ray(&stage.scene.camera, (float)(i % WIDTH) + 0.5f, (float)(i / WIDTH) + 0.5f, WIDTH, HEIGHT);
+            rt_hit hit;
+
+            in_mirror[i] = rt_intersect(stage.accel, &ray, &hit) && hit.prim < 2;
+            seen += in_mirror[i];
+        }
+        rtt_stage_free(&stage);
+        CHECK(counts.refract == 0 && (!with || counts.reflect > 1000));
+    }
+    for (int y = 0; y < HEIGHT; y++)
+        for (int x = 0; x < WIDTH; x++) {
+            const rt_vec3 a = mirrored[y * WIDTH + x], b = direct[y * WIDTH + WIDTH - 1 - x];
+
+            if (!in_mirror[y * WIDTH + x])
+                continue;
+            if (x == 0 || rtt_length(rtt_sub(a, mirrored[y * WIDTH + x - 1])) > 1e-3)
+                changed++;
+            differ += rtt_length(rtt_sub(a, b)) > 1e-3;
+        }
+    CHECK(seen > PIXELS / 3 && changed > seen / 8);             /* there is something to see */
+    if (differ > seen / 200)                /* a pixel at an edge may fall on the other side */
+        rtt_fail("%zu of %zu pixels differ from the mirrored scene", differ, seen);
+}
+
+/* Through a slab 1.5 thick, to a wall whose colour tells the place: Snell's law bends twice, the ray leaves as it came; Beer's law absorbs on
+   the way that is bent. And exactly what is sent on is seen where the index is that of the outside. */
+static void rtt_test_render_slab(void)
+{
+    enum { SIDE = 40, PIXELS = SIDE * SIDE };
+    static const float indices[] = { 1.5f, 1, 2.4f, 0.8f, 0 };
+    static rt_vec3 pixels[PIXELS];
+    static rt_vec3 colors[64];
+    const double thick = 1.5, before = 4, behind = 3, absorb = 0.4, size = 20;
+
+    for (size_t n = 0; n < RTT_COUNT(indices); n++) {
+        rtt_stage stage;
+        rt_ray_counts counts;
+        double worst = 0;
+
+        memset(&stage, 0, sizeof stage);
+        stage.materials[0] = rtt_glass(indices[n], false);
+        stage.materials[0].absorb = rtt_v(0, 0, (float)(absorb));
+        stage.materials[1] = rtt_material(rtt_gray(1), rtt_gray(0), rtt_gray(0), rtt_gray(0), 0, false);
+        rtt_slab(&stage, rtt_v(-30, -30, (float)(-thick)), rtt_v(30, 30, 0), 0);
+        rtt_stage_quad(&stage, rtt_v(-20, -20, (float)(-thick - behind)), rtt_v(40, 0, 0), rtt_v(0, 40, 0), 1);
+        rtt_stage_build(&stage);
+        for (size_t i = 0; i < stage.geometry.vertex_count; i++) {
+            colors[i].x = (float)(((double)stage.geometry.vertices[3 * i] + size) / (2 * size));
+            colors[i].y = (float)(((double)stage.geometry.vertices[3 * i + 1] + size) / (2 * size));
+            colors[i].z = 1;
+        }
+        stage.scene.colors = colors;
+        stage.scene.ambient = rtt_gray(1);
+        stage.scene.camera = (rt_camera){ { 0, 0, (float)(before) }, { 0, 0, 0 }, { 0, 1, 0 }, 70 };
+        counts = rtt_draw(&stage.scene, SIDE, SIDE, 2, pixels);
+        CHECK(counts.refract > (indices[n] < 1 && indices[n] > 0 ? PIXELS : 2 * PIXELS - 1) && counts.refract <= 2 * PIXELS);
+        for (int i = 0; i < PIXELS; i++) {
+            const rt_ray ray = rt_camera_ray(&stage.scene.camera, (float)(i % SIDE) + 0.5f, (float)(i / SIDE) + 0.5f, SIDE, SIDE);
+            const double index = indices[n] > 0 ? (double)indices[n] : 1, tangent = hypot((double)ray.dir.x, (double)ray.dir.y);
+            const double sine = tangent / sqrt(1 + tangent * tangent) / index, cosine = sqrt(1 - sine * sine);
+            const double out = tangent * (before + behind) + sine / cosine * thick;
+            const double x = out * (double)ray.dir.x / tangent, y = out * (double)ray.dir.y / tangent;
+            const double want[3] = { (x + size) / (2 * size), (y + size) / (2 * size), exp(-absorb * thick / cosine) };
+
+            if (sine >= 1)
+                continue;                   /* beyond the critical angle */
+            worst = fmax(worst, fabs((double)pixels[i].x - want[0]));
+            worst = fmax(worst, fabs((double)pixels[i].y - want[1]));
+            worst = fmax(worst, fabs((double)pixels[i].z - want[2]));
+        }
+        if (worst > 2e-5)
+            rtt_fail("index %g: a pixel is off by %g", (double)indices[n], worst);
+        rtt_stage_free(&stage);
+    }
+}
+
+/* From inside a block of glass: rays leave where Snell's law lets them, and otherwise are mirrored whole until they do. Of what reaches
+   glass straight on, Fresnel's equations mirror ((n-1)/(n+1))^2, and each bounce between two faces as much again. */
+static void rtt_test_render_fresnel(void)
+{
+    enum { SIDE = 64 };
+    static rt_vec3 pixels[SIDE * SIDE];
+    const double index = 1.5, part = (index - 1) * (index - 1) / ((index + 1) * (index + 1));
+    rtt_stage stage;
+    rt_ray_counts counts;
+    int out = 0, kept = 0;
+
+    memset(&stage, 0, sizeof stage);
+    stage.materials[0] = rtt_glass((float)(index), false);
+    rtt_slab(&stage, rtt_gray(-5), rtt_gray(5), 0);
+    rtt_stage_build(&stage);
+    stage.scene.background = rtt_v(1, 0.5f, 0.25f);
+    stage.scene.camera = (rt_camera){ { 0.31f, 0.17f, 0.07f }, { 0.31f, 0.17f, -1 }, { 0, 1, 0 }, 120 };      /* so that no edge is met */
+    rtt_draw(&stage.scene, SIDE, SIDE, 5, pixels);
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        const rt_ray ray = rt_camera_ray(&stage.scene.camera, (float)(i % SIDE) + 0.5f, (float)(i / SIDE) + 0.5f, SIDE, SIDE);
+        const double norm = rtt_length(ray.dir), least = sqrt(1 - 1 / (index * index));
+        const double most = fmax(1, fmax(fabs((double)ray.dir.x), fabs((double)ray.dir.y))) / norm;      /* the steepest cosine with a face */
+
+        if (fabs(most - least) < 1e-3)
+            continue;
+        out += most > least, kept += most < least;
+        CHECK(most > least ? rtt_length(rtt_sub(pixels[i], stage.scene.background)) < 1e-6 : pixels[i].x + pixels[i].y + pixels[i].z <= 0);
+    }
+    CHECK(out > 1000 && kept > 100);
+    rtt_stage_free(&stage);
+
+    for (int what = 0; what < 2; what++) {  /* what the front face mirrors; what a pane lets through */
+        memset(&stage, 0, sizeof stage);
+        stage.materials[0] = rtt_glass((float)(index), true);
+        stage.materials[1] = rtt_material(rtt_gray(0), rtt_gray(1), rtt_gray(0), rtt_gray(0), 0, false);
+        rtt_slab(&stage, rtt_v(-5, -5, -1), rtt_v(5, 5, 0), 0);
+        rtt_stage_quad(&stage, rtt_v(-9, -9, what ? -8.0f : 8.0f), rtt_v(18, 0, 0), rtt_v(0, 18, 0), 1);
+        rtt_stage_build(&stage);
+        stage.scene.camera = (rt_camera){ { 0, 0, 5 }, { 0, 0, 0 }, { 0, 1, 0 }, 0.1f };
+        counts = rtt_draw(&stage.scene, 1, 1, what ? RT_MAX_DEPTH : 1, pixels);
+        CHECK(counts.reflect > 0 && counts.refract > 0);
+        /* All bounces together let (1 - part) / (1 + part) through; those below 1/512 are left out. */
+        CHECK(rtt_near(pixels[0].x, what ? (float)((1 - part) / (1 + part)) : (float)(part), what ? 2.0f / 512 : 1e-5f));
+        rtt_stage_free(&stage);
+    }
+}
+
+/* Between two mirrors that glow: the light of each level is weaker by their part. Depth is what is asked for. */
+static void rtt_test_render_depth(void)
+{
+    enum { SIDE = 20, PIXELS = SIDE * SIDE };
+    static const struct { int depth, levels; } cases[] = { { -1, 0 }, { -2147483647, 0 }, { 1, 1 }, { 2, 2 }, { 0, 5 }, { 50, 50 } };
+    static rt_vec3 pixels[PIXELS];
+    rtt_stage stage;
+
+    memset(&stage, 0, sizeof stage);
+    stage.materials[0] = rtt_mirror(0.9f, 1);
+    rtt_stage_quad(&stage, rtt_v(-50, -50, -1), rtt_v(100, 0, 0), rtt_v(0, 100, 0), 0);
+    rtt_stage_quad(&stage, rtt_v(-50, -50, 1), rtt_v(0, 100, 0), rtt_v(100, 0, 0), 0);
+    rtt_stage_build(&stage);
+    stage.scene.camera = (rt_camera){ { 0, 0, 0 }, { 0, 0, -1 }, { 0, 1, 0 }, 20 };
+    for (size_t c = 0; c < RTT_COUNT(cases); c++) {
+        const rt_ray_counts counts = rtt_draw(&stage.scene, SIDE, SIDE, cases[c].depth, pixels);
+        const float want = (float)((1 - pow(0.9, cases[c].levels + 1)) / 0.1);
+
+        CHECK(counts.primary == PIXELS && counts.shadow == 0 && counts.refract == 0);
+        CHECK(counts.reflect == (uint64_t)PIXELS * (uint64_t)cases[c].levels);
+        for (int i = 0; i < PIXELS; i++)
+            CHECK(rtt_near(pixels[i].x, want, 1e-4f) && rtt_near(pixels[i].z, want, 1e-4f));
+    }
+    rtt_stage_free(&stage);
+}
+
+/* Nothing makes the work boundless: mirrors that also are glass, numbers that no material should have. Light does not grow. */
+static void rtt_test_render_bounded(void)
+{
+    enum { SIDE = 12, PIXELS = SIDE * SIDE };
+    static rt_vec3 pixels[PIXELS];
+    const float bad = NAN;
+    rtt_stage stage;
+    rt_ray_counts counts;
+
+    memset(&stage, 0, sizeof stage);
+    for (int i = 0; i < 27; i++)
+        rtt_ball(&stage.model, rtt_v((float)(i % 3 - 1), (float)(i / 3 % 3 - 1), (float)(i / 9 - 1)), 0.7f);
+    stage.materials[0] = rtt_glass(1.3f, false);
+    stage.materials[0].reflect = rtt_gray(1);
+    rtt_stage_build(&stage);
+    stage.scene.background = rtt_gray(1);
+    stage.scene.camera = (rt_camera){ { 0, 0.2f, 4 }, { 0, 0, 0 }, { 0, 1, 0 }, 45 };
+    counts = rtt_draw(&stage.scene, SIDE, SIDE, RT_MAX_DEPTH, pixels);
+    CHECK(counts.reflect > 10 * PIXELS && counts.refract > 10 * PIXELS && counts.reflect + counts.refract < 2048 * PIXELS);
+    for (int i = 0; i < PIXELS; i++)
+        CHECK(pixels[i].x <= 1.0001f && pixels[i].x > 0.2f);
+    for (int i = 0; i < 6; i++) {           /* no hang, no trap, no more rays than before */
+        rt_material *m = &stage.materials[0];
+
+        *m = rtt_glass(1.3f, i % 2 == 0);
+        if (i == 0) m->reflect = rtt_v(bad, 1, 1), m->transmit = rtt_v(1, bad, INFINITY);
+        if (i == 1) m->reflect = rtt_gray(1e30f), m->transmit = rtt_gray(1e38f);
+        if (i == 2) m->reflect = rtt_gray(-3), m->transmit = rtt_gray(4);
+        if (i == 3) m->ior = bad, m->absorb = rtt_v(bad, -100, INFINITY);
+        if (i == 4) m->ior = INFINITY, m->reflect = rtt_gray(0.5f);
+        if (i == 5) m->ior = -2, m->shininess = bad, m->diffuse = rtt_gray(bad);
+        CHECK_STATUS(rt_check_scene(&stage.scene, NULL), i == 1 ? RT_OK : RT_ERROR_ARGUMENT);
+        counts = rtt_draw(&stage.scene, SIDE, SIDE, RT_MAX_DEPTH, pixels);
+        CHECK(counts.reflect + counts.refract < 2048 * PIXELS);
+    }
+    rtt_stage_free(&stage);
+}
+
+/* Balls and a block of glass on a mirror, seen through an instance or not: the same picture from every way to trace, in tiles of any size,
+   and with blocks of either size. */
+static void rtt_test_render_ways(void)
+{
+    enum { WIDTH = 53, HEIGHT = 41, PIXELS = WIDTH * HEIGHT };
+    static const int sides[] = { 7, 16, 20, 32, 64 };
+    static rt_vec3 want[PIXELS], got[PIXELS];
+    rtt_stage stage;
+    rtt_accels accels;
+    rt_ray_counts first, counts;
+
+    memset(&stage, 0, sizeof stage);
+    stage.materials[0] = rtt_material(rtt_v(0.3f, 0.3f, 0.2f), rtt_gray(0), rtt_gray(0.4f), rtt_gray(0), 0, false);
+    stage.materials[1] = rtt_glass(1.5f, true);
+    stage.materials[1].absorb = rtt_v(0.2f, 1, 0.1f), stage.materials[1].specular = rtt_gray(0.4f), stage.materials[1].shininess = 20;
+    stage.materials[2] = rtt_mirror(0.8f, 0);
+    stage.materials[3] = rtt_material(rtt_v(0.2f, 0.6f, 0.2f), rtt_gray(0), rtt_gray(0.1f), rtt_gray(0.4f), 1.2f, false);
+    rtt_stage_quad(&stage, rtt_v(-6, 0, -6), rtt_v(0, 0, 12), rtt_v(12, 0, 0), 0);
+    rtt_slab(&stage, rtt_v(-2, 0.1f, -1), rtt_v(-0.5f, 2, 0.5f), 1);
+    for (uint32_t i = 0; i < 4; i++) {
+        rtt_ball(&stage.model, rtt_v((float)i - 0.8f, 0.7f, 1.5f - 0.7f * (float)i), 0.6f);
+        stage.ids[stage.model.triangle_count + i] = 1 + (i + 2) % 3;
+    }
+    rtt_stage_build(&stage);
+    stage.scene.light_count = 1;
+    stage.light.position = rtt_v(3, 8, 5), stage.light.color = rtt_gray(0.8f);
+    stage.scene.ambient = rtt_gray(0.2f), stage.scene.background = rtt_v(0.3f, 0.5f, 0.8f);
+    stage.scene.camera = (rt_camera){ { 1, 3, 6 }, { 0, 0.7f, 0 }, { 0, 1, 0 }, 45 };
+    first = rtt_draw(&stage.scene, WIDTH, HEIGHT, 7, want);
+    CHECK(first.reflect > PIXELS / 2 && first.refract > PIXELS / 2);
+    if (!rtt_accels_build(&accels, &stage.model))
+        rtt_die("a stage does not build");
+    for (size_t w = 0; w < rtt_way_count; w++) {
+        const int side = sides[w % RTT_COUNT(sides)];
+        rt_render_options options;
+
+        memset(&options, 0, sizeof options);
+        memset(got, 0xff, sizeof got);
+        memset(&counts, 0, sizeof counts);
+        options.width = WIDTH, options.height = HEIGHT, options.depth = 7;
+        options.trace = rtt_ways[w].options;
+        stage.scene.accel = rtt_accels_for(&accels, &rtt_ways[w]);
+        for (int y = 0; y < HEIGHT; y += side)
+            for (int x = 0; x < WIDTH; x += side)
+                CHECK_STATUS(rt_render_tile(&stage.scene, &options, x, y, x + side < WIDTH ? x + side : WIDTH,
+                                            y + side < HEIGHT ? y + side : HEIGHT, got, &counts), RT_OK);
+        if (memcmp(want, got, sizeof want) != 0)
+            rtt_fail("%s, tiles of %d pixels: another picture", rtt_ways[w].label, side);
+        if (memcmp(&first, &counts, sizeof first) != 0)
+            rtt_fail("%s, tiles of %d pixels: other numbers of rays", rtt_ways[w].label, side);
+    }
+    {                                       /* blocks of 32 x 32 pixels, whatever widths there are */
+        const int tile[4] = { 0, 0, WIDTH, HEIGHT };
+        rti_render r;
+        rt_trace_options trace;
+
+        memset(&r, 0, sizeof r);
+        memset(&trace, 0, sizeof trace);
+        memset(got, 0xff, sizeof got);
+        r.scene = &stage.scene;
+        stage.scene.accel = stage.accel;
+        CHECK_STATUS(rti_choose(stage.accel, &trace, RTI_BLOCK_RAYS, &r.batch, &r.job), RT_OK);
+        rti_choose_shaders(&r, RT_ISA_AUTO);
+        r.view = rti_make_view(&stage.scene.camera, WIDTH, HEIGHT);
+        r.spp = 1, r.depth = 7;
+        rti_render_large(&r, tile, WIDTH, got);
+        CHECK(memcmp(want, got, sizeof want) == 0 && memcmp(&first, &r.counts, sizeof first) == 0);
+    }
+    rtt_accels_free(&accels);
+    rtt_stage_free(&stage);
+}
+
+/* rt_check_scene names what is wrong. */
+static void rtt_test_check_scene(void)
+{
+    static const struct { size_t field; const char *name; } fields[] = {
+        { offsetof(rt_material, diffuse), "material 1: diffuse is" }, { offsetof(rt_material, specular), "material 1: specular is" },
+        { offsetof(rt_material, emission), "material 1: emission is" }, { offsetof(rt_material, shininess), "material 1: shininess is" },
+        { offsetof(rt_material, reflect), "material 1: reflect is" }, { offsetof(rt_material, transmit), "material 1: transmit is" },
+        { offsetof(rt_material, absorb), "material 1: absorb is" }, { offsetof(rt_material, ior), "material 1: ior is" }
+    };
+    static const float bad[] = { -1, NAN, INFINITY };
+    rtt_stage stage;
+    rt_error error;
+
+    memset(&stage, 0, sizeof stage);
+    rtt_stage_quad(&stage, rtt_v(-1, 0, -1), rtt_v(0, 0, 2), rtt_v(2, 0, 0), 1);
+    rtt_ball(&stage.model, rtt_v(0, 1, 0), 1);
+    stage.ids[2] = 1;
+    rtt_stage_build(&stage);
+    stage.scene.light_count = 1;
+    for (size_t f = 0; f < RTT_COUNT(fields); f++)
+        for (size_t i = 0; i < RTT_COUNT(bad); i++) {
+            float *field = (float *)(void *)((char *)&stage.materials[1] + fields[f].field);
+
+            *field = bad[i];
+            memset(&error, 0, sizeof error);
+            CHECK_STATUS(rt_check_scene(&stage.scene, &error), RT_ERROR_ARGUMENT);
+            CHECK(strstr(error.message, fields[f].name) != NULL);
+            *field = 0;
+        }
+    stage.light.position.y = NAN;
+    CHECK(rt_check_scene(&stage.scene, &error) == RT_ERROR_ARGUMENT && strstr(error.message, "light 0: its position"));
+    stage.light.position.y = 0;
+    stage.light.color.z = -1;
+    CHECK(rt_check_scene(&stage.scene, &error) == RT_ERROR_ARGUMENT && strstr(error.message, "light 0: its color"));
+    stage.light.color.z = 0;
+    stage.scene.background.x = INFINITY;
+    CHECK(rt_check_scene(&stage.scene, &error) == RT_ERROR_ARGUMENT && strstr(error.message, "background"));
+    stage.scene.background.x = 0;
+    stage.ids[2] = RTT_COUNT(stage.materials);
+    CHECK(rt_check_scene(&stage.scene, &error) == RT_ERROR_ARGUMENT && error.prim == 2 && strstr(error.message, "material 16 of 16"));
+    stage.scene.material_ids = NULL;
+    CHECK_STATUS(rt_check_scene(&stage.scene, &error), RT_OK);
+    stage.scene.geometry = NULL;
+    CHECK_STATUS(rt_check_scene(&stage.scene, &error), RT_ERROR_ARGUMENT);
+    CHECK_STATUS(rt_check_scene(NULL, NULL), RT_ERROR_ARGUMENT);
+    rtt_stage_free(&stage);
+}
+
 static void rtt_test_render_errors(void)
 {
     rtt_model model = { 0 };
@@ -4154,6 +4570,7 @@ static void rtt_test_render_errors(void)
     rt_geometry geometry;
     rt_scene scene;
     rt_accel *accel;
+    rt_error error = { RT_OK, 0, "" };
     rt_vec3 pixels[16], untouched[16];
 
     rtt_room(&model, &scene, &geometry, &accel);
@@ -4173,6 +4590,11 @@ static void rtt_test_render_errors(void)
     CHECK_STATUS(rt_render_tile(NULL, &options, 0, 0, 4, 4, pixels, NULL), RT_ERROR_ARGUMENT);
     options.spp = -1;
     CHECK_STATUS(rt_render_tile(&scene, &options, 0, 0, 4, 4, pixels, NULL), RT_ERROR_ARGUMENT);
+    options.spp = 0;
+    options.depth = RT_MAX_DEPTH + 1;
+    options.trace.error = &error;
+    CHECK_STATUS(rt_render_tile(&scene, &options, 0, 0, 4, 4, pixels, NULL), RT_ERROR_ARGUMENT);
+    CHECK(strstr(error.message, "depth is 65") && strstr(error.message, "at most 64"));
     CHECK(memcmp(pixels, untouched, sizeof pixels) == 0);
     rt_free(accel);
     rtt_model_free(&model);
@@ -5574,6 +5996,37 @@ static void rtt_test_obj_materials(void)
         CHECK(strcmp(loader.s.material_names[loader.s.material_ids[2]], "with  blanks") == 0);
         loader_unload();
     }
+    loader_write("w.mtl", "newmtl two\nillum 2\nKs 0.5\nNs 20\nd 0.2\nNi 1.5\nTf 1 0 0\nnewmtl three\nKs 0.5 0.25 0\nNs 0\nillum 3\nNi 1.5\n"
+                 "newmtl four\nillum 4\nd 0.25\nKd 0.4\nKs 0.1\nNs 9\nNi 1.3\nTf 1 0.5 0\nnewmtl six\nNi 1.3\nTr 0.75\nillum 6\nKs 0.2\nNs 9\n"
+                 "newmtl seven\nillum 7\nNi 1.5\nKd 0.1\nKs 1\nNs 9\nnewmtl eight\nillum 8\nKs 0.5\nnewmtl nine\nillum 9\nKs 0.5\nd 0.5\nNi 0\n"
+                 "newmtl clamped\nillum 6\nd 1.5\nNi -1\nKs -1 0 -2\n");
+    if (loader_text("t.obj", "mtllib w.mtl\n" LOADER_SQUARE "usemtl two\nf 1 2 3\nusemtl three\nf 1 2 3\nusemtl four\nf 1 2 3\nusemtl six\nf 1 2 3\n"
+                    "usemtl seven\nf 1 2 3\nusemtl eight\nf 1 2 3\nusemtl nine\nf 1 2 3\nusemtl clamped\nf 1 2 3\n", 4, 8, 0, 8)) {
+        static const struct { float reflect[3], transmit[3], ior; bool fresnel; } want[] = {
+            { { 0, 0, 0 }, { 0, 0, 0 }, 1, false }, { { 0.5f, 0.25f, 0 }, { 0, 0, 0 }, 1, false },
+            { { 0.1f, 0.1f, 0.1f }, { 0.75f, 0.375f, 0 }, 1, false }, { { 0.2f, 0.2f, 0.2f }, { 0.75f, 0.75f, 0.75f }, 1.3f, false },
+            { { 0, 0, 0 }, { 1, 1, 1 }, 1.5f, true }, { { 0.5f, 0.5f, 0.5f }, { 0, 0, 0 }, 1, false },
+            { { 0.5f, 0.5f, 0.5f }, { 0.5f, 0.5f, 0.5f }, 1, false }, { { 0, 0, 0 }, { 0, 0, 0 }, 1, false }
+        };
+
+        for (size_t i = 0; i < RTT_COUNT(want); i++) {
+            const rt_material *m = loader_material(i);
+
+            if (!loader_vec3(m->reflect, want[i].reflect[0], want[i].reflect[1], want[i].reflect[2]) || m->ior != want[i].ior ||
+                !loader_vec3(m->transmit, want[i].transmit[0], want[i].transmit[1], want[i].transmit[2]) || m->fresnel != want[i].fresnel)
+                rtt_fail("w.mtl, material %zu: reflect %g transmit %g ior %g", i, (double)m->reflect.x, (double)m->transmit.x, (double)m->ior);
+        }
+        CHECK(loader_vec3(loader_material(0)->specular, 0.5f, 0.5f, 0.5f) && loader_vec3(loader_material(1)->specular, 0, 0, 0));
+        CHECK(loader_vec3(loader_material(2)->diffuse, 0.1f, 0.1f, 0.1f));      /* the rest lets pass */
+        CHECK(loader_vec3(loader_material(4)->diffuse, 0.1f, 0.1f, 0.1f) && loader_vec3(loader_material(4)->specular, 1, 1, 1));
+        CHECK(loader.s.warnings == 4 && strstr(loader.s.warning, "w.mtl:43: d: 1.5 is above 1, which is used"));
+        loader_unload();
+    }
+    loader_write("n.mtl", "newmtl a\nTf 1 -1 1\nTr -0.5\n");
+    if (loader_text("t.obj", "mtllib n.mtl\n", 0, 0, 0, 0)) {
+        CHECK(loader.s.warnings == 2 && strstr(loader.s.warning, "n.mtl:2: Tf: -1 is negative; 0 is used"));
+        loader_unload();
+    }
     loader_warned("t.obj", "mtllib none.mtl\n", 1, "t.obj:1: mtllib: cannot read 'none.mtl'");
     loader_warned("t.obj", "mtllib\n", 1, "t.obj:1: mtllib without a name");
     loader_warned("t.obj", "mtllib .\n", 1, "t.obj:1: mtllib: cannot read '.'");
@@ -5632,6 +6085,8 @@ static void rtt_test_obj_errors(void)
           "m.mtl:6: Ns: 'y' is not a number\nm.mtl:7: d: 'z' is not a number\nm.mtl:8: Tr: 'nan' is not a finite number\n"
                 "m.mtl:9: illum: 'two' is not a number\n"
           "m.mtl:10: Ni: '1e99' is not a finite number\nt.obj:2: v: 'q' is not a number\n" },
+        { "newmtl a\nTf 1 1\nTf red\nNi\nd 1.0.0\n", "m.mtl:2: Tf: 3 numbers expected, not 2\nm.mtl:3: Tf: 'red' is not a number\n"
+          "m.mtl:4: Ni: 1 number expected, not 0\nm.mtl:5: d: '1.0.0' is not a number\nt.obj:2: v: 'q' is not a number\n" },
         { "newmtl a\nKa 1 1\n", "m.mtl:2: Ka: 3 numbers expected, not 2\nt.obj:2: v: 'q' is not a number\n" }
     };
     size_t i;
@@ -5689,7 +6144,8 @@ static void rtt_test_nff_statements(void)
         CHECK(s->light_count == 2 && loader_vec3(s->lights[0].position, 1, 2, 3) && loader_vec3(s->lights[1].color, 0.5f, 0.25f, 0));
         CHECK(s->lights[0].color.x > 0 && s->lights[0].color.x == s->lights[0].color.z);
         CHECK(loader_vec3(loader_material(0)->diffuse, 0.5f, 0.25f, 0) && loader_vec3(loader_material(0)->specular, 0.25f, 0.25f, 0.25f));
-        CHECK(loader_material(0)->shininess == 20);
+        CHECK(loader_material(0)->shininess == 20 && loader_material(0)->ior == 1);
+        CHECK(loader_vec3(loader_material(0)->reflect, 0.25f, 0.25f, 0.25f) && loader_vec3(loader_material(0)->transmit, 0, 0, 0));
         CHECK(loader_vec3(loader_material(s->geometry.triangle_count - 1)->diffuse, 1, 1, 1));
         CHECK(loader_vec3(loader_material(s->geometry.triangle_count)->diffuse, 0.5f, 0.25f, 0));       /* spheres behind the triangles */
         CHECK(s->spheres[0].radius == 4 && loader_vec3(s->spheres[0].center, 1, 2, 3) && s->spheres[1].radius == 2);
@@ -5702,6 +6158,12 @@ static void rtt_test_nff_statements(void)
         }
         for (i = 0; i < SCENE_CONE_SEGMENTS; i++)               /* the cone: 45 degrees */
             CHECK(fabsf(s->normals[3 + SCENE_CONE_SEGMENTS + i].z - 0.70710678f) < 1e-5f);
+        loader_unload();
+    }
+    if (loader_text("t.nff", "f 0 0 0 0 0.3 0 0.7 1.5\ns 0 0 0 1\nf 0 0 0 0 0 0 1 0\ns 0 0 0 1\n", 0, 0, 2, 2)) {
+        CHECK(loader_vec3(loader_material(0)->reflect, 0.3f, 0.3f, 0.3f) && loader_vec3(loader_material(0)->specular, 0, 0, 0));
+        CHECK(loader_vec3(loader_material(0)->transmit, 0.7f, 0.7f, 0.7f) && loader_material(0)->ior == 1.5f);
+        CHECK(!loader_material(0)->fresnel && loader_material(1)->ior == 1);    /* 0 is written where none is meant */
         loader_unload();
     }
     /* The parts of v in another order, on one line; names in capitals; no camera, no lights. */
@@ -5748,6 +6210,9 @@ static void rtt_test_nff_errors(void)
         { "l 1 2\nl 1 2 3 4\nl 1 2 3 4 5\n", "t.nff:1: l: 3 numbers expected, not 2\nt.nff:2: l: 3 or 6 numbers expected, not 4\n"
               "t.nff:3: l: 3 or 6 numbers expected, not 5\n" },
         { "f 1 0\nb 1 2\n", "t.nff:1: f: 3 numbers expected, not 2\nt.nff:2: b: 3 numbers expected, not 2\n" },
+        { "f 1 1 -1\nf 1 1 1 1 1.5\nf 1 1 1 1 0 0 2\nf 1 1 1 1 0 0 0 -1\n", "t.nff:1: f: b is -1; it must not be negative\n"
+          "t.nff:2: f: Ks is 1.5; it must lie between 0 and 1\nt.nff:3: f: T is 2; it must lie between 0 and 1\n"
+          "t.nff:4: f: the index of refraction is -1; it must not be negative\n" },
         { "v\nfrom 0 0 1\nat 0 0 0\nangle 45\n", "t.nff:1: v: no 'up'\n" },
         { "\nv\nfrom 0 0\nat 0 0 0\n", "t.nff:3: from: 3 numbers expected, not 2\n" },
         { "v\nfrom 0 0 0\nat 0 0 0\nup 0 1 0\nangle 45\n",
@@ -5776,7 +6241,8 @@ static void rtt_test_procedural(void)
         { "rings:3", 2 + 420 * 2 * SCENE_CONE_SEGMENTS, 420, 841 }, { "rings:5", 2 + 1650 * 2 * SCENE_CONE_SEGMENTS, 1650, 3301 },
         { "tetra:1", 4, 0, 4 }, { "tetra:4", 256, 0, 256 }, { "tetra:6", 4096, 0, 4096 },
         { "cloud:1", 1, 0, 1 }, { "cloud:1000", 1000, 0, 1000 }, { "terrain:2", 2, 0, 2 }, { "terrain:20000", 20000, 0, 20000 },
-        { "sphere:8", 8, 0, 8 }, { "sphere:1000", 960, 0, 960 }, { "sphere:100000", 100488, 0, 100488 }
+        { "sphere:8", 8, 0, 8 }, { "sphere:1000", 960, 0, 960 }, { "sphere:100000", 100488, 0, 100488 },
+        { "mirrors:1", 116, 3, 61 }, { "mirrors:4", 440, 12, 232 }, { "glass:1", 140, 2, 72 }, { "glass:3", 300, 10, 160 }
     };
     static const struct { const char *name, *report; } bad[] = {
         { "balls:0", "balls:0: balls:N needs a whole N from 1 to 8\n" }, { "balls:9", "balls:9: balls:N needs a whole N from 1 to 8\n" },
@@ -5786,10 +6252,10 @@ static void rtt_test_procedural(void)
               "terrain:1.5: terrain:N needs a whole N from 2 to 100000000\n" },
         { "sphere:99999999999999999999", "sphere:99999999999999999999: sphere:N needs a whole N from 8 to 100000000\n" },
         { "cornell:1", "cornell:1: cornell takes no number\n" },
-        { "teapot", "teapot: neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N\n" },
-        { "a.ply", "a.ply: neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N\n" },
-        { "", ": neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N\n" },
-        { "ball:3", "ball:3: neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N\n" }
+        { "teapot", "teapot: neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N, mirrors:N, glass:N\n" },
+        { "a.ply", "a.ply: neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N, mirrors:N, glass:N\n" },
+        { "", ": neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N, mirrors:N, glass:N\n" },
+        { "ball:3", "ball:3: neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N, mirrors:N, glass:N\n" }
     };
     size_t i, k;
 
@@ -6249,6 +6715,13 @@ static const rtt_test rtt_tests[] = {
     { "shading.camera", rtt_test_camera },
     { "shading.render", rtt_test_render },
     { "shading.instances", rtt_test_render_instances },
+    { "shading.mirror", rtt_test_render_mirror },
+    { "shading.slab", rtt_test_render_slab },
+    { "shading.fresnel", rtt_test_render_fresnel },
+    { "shading.depth", rtt_test_render_depth },
+    { "shading.bounded", rtt_test_render_bounded },
+    { "shading.ways", rtt_test_render_ways },
+    { "shading.check-scene", rtt_test_check_scene },
     { "shading.errors", rtt_test_render_errors },
     { "raster.shapes", rtt_test_raster_shapes },
     { "raster.instances", rtt_test_raster_instances },
