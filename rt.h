@@ -293,6 +293,7 @@ typedef struct {
     rt_structure structure;                 /* RT_STRUCTURE_COUNT: any */
     bool built;                             /* false: rt_trace answers RT_ERROR_UNSUPPORTED */
     bool packets;                           /* packet_width may be other than 1 */
+    bool culls;                             /* has frusta: cull may be other than RT_CULL_NONE */
 } rt_algorithm_info;
 
 /* One row of the table, or NULL past its end: for (i = 0; (info = rt_algorithm_get(i)) != NULL; i++). */
@@ -3373,7 +3374,7 @@ static const rt_algorithm_info rti_algorithms[] = {
                       (RTI_KDTREE && (a) >= RT_KD_STACK && (a) <= RT_KD_BACKTRACK))
 #define RTI_PACKET(a) (RTI_PACKETS && ((a) == RT_AUTO || (a) == RT_BVH_SIMD || RTI_LARGE(a) || \
                                        (RTI_KDTREE && (a) >= RT_KD_STACK && (a) < RT_KD_BACKTRACK)))
-#define RTI_ROW(name, text, structure, what) { text, what, name, structure, RTI_BUILT(name), RTI_PACKET(name) },
+#define RTI_ROW(name, text, structure, what) { text, what, name, structure, RTI_BUILT(name), RTI_PACKET(name), RTI_LARGE(name) },
     RT_ALGORITHM_LIST(RTI_ROW)
 };
 
@@ -3499,7 +3500,7 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
     if (opt->short_stack < 0 || opt->short_stack > RT_MAX_SHORT_STACK)
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "short_stack is %d: it must be 0 (as 3) or between 1 and %d entries",
                         opt->short_stack, RT_MAX_SHORT_STACK);
-    if (opt->cull != RT_CULL_NONE && !RTI_LARGE(opt->algorithm))
+    if (opt->cull != RT_CULL_NONE && !info->culls)
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s has no frustum to cull with: cull must be none", info->name);
     has_isa = RTI_X86 ? opt->isa != RT_ISA_SCALAR && (opt->isa != RT_ISA_AVX2 || rt_best_isa() == RT_ISA_AVX2)
                       : opt->isa == RT_ISA_AUTO || opt->isa == RT_ISA_SCALAR;
