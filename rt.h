@@ -3149,6 +3149,7 @@ RT_API bool rt_instance_transform(const rt_accel *accel, uint32_t inst, float tr
 #define RTI_WALK_ANY   1                    /* stop at the first hit */
 #define RTI_WALK_ALL   2                    /* leaves may hold spheres and instances */
 #define RTI_WALK_COUNT 4                    /* fill rt_stats */
+#define RTI_WALK_LIKELY 8                   /* a triangle that is tested is likely to be hit */
 
 #if !RTI_STATS
 typedef struct { uint64_t unused; } rt_stats;
@@ -4813,6 +4814,8 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_dmul RTI_NAME_(rti_dmul)
 #define rti_ddiv RTI_NAME_(rti_ddiv)
 #define rti_dsqrt RTI_NAME_(rti_dsqrt)
+#define rti_dmin RTI_NAME_(rti_dmin)
+#define rti_dmax RTI_NAME_(rti_dmax)
 #define rti_dlt RTI_NAME_(rti_dlt)
 #define rti_dselect RTI_NAME_(rti_dselect)
 #define rti_widen RTI_NAME_(rti_widen)
@@ -4893,6 +4896,10 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_edges RTI_NAME_(rti_edges)
 #define rti_between_planes RTI_NAME_(rti_between_planes)
 #define rti_hit_facets RTI_NAME_(rti_hit_facets)
+#define rti_facets_closest RTI_NAME_(rti_facets_closest)
+#define rti_facets_any RTI_NAME_(rti_facets_any)
+#define rti_facets_closest_likely RTI_NAME_(rti_facets_closest_likely)
+#define rti_facets_any_likely RTI_NAME_(rti_facets_any_likely)
 #define rti_note RTI_NAME_(rti_note)
 #define rti_count_rays RTI_NAME_(rti_count_rays)
 #define rti_large_triangles RTI_NAME_(rti_large_triangles)
@@ -4969,6 +4976,8 @@ RTI_FN rti_d rti_dmul(rti_d a, rti_d b) { return a * b; }
 RTI_FN rti_d rti_ddiv(rti_d a, rti_d b) { return a / b; }
 RTI_FN rti_d rti_dsqrt(rti_d a) { return sqrt(a); }
 RTI_FN unsigned rti_dlt(rti_d a, rti_d b) { return a < b; }
+RTI_FN rti_d rti_dmin(rti_d a, rti_d b) { return a < b ? a : b; }
+RTI_FN rti_d rti_dmax(rti_d a, rti_d b) { return a > b ? a : b; }
 RTI_FN rti_d rti_dselect(unsigned lanes, rti_d a, rti_d b) { return lanes ? a : b; }
 RTI_FN rti_d rti_widen(rti_v a) { return (double)a; }
 RTI_FN rti_v rti_narrow(rti_d a) { return (float)a; }
@@ -5008,6 +5017,8 @@ RTI_FN rti_d rti_dmul(rti_d a, rti_d b) { RTI_EACH(rti_d, a.f[i] * b.f[i]); }
 RTI_FN rti_d rti_ddiv(rti_d a, rti_d b) { RTI_EACH(rti_d, a.f[i] / b.f[i]); }
 RTI_FN rti_d rti_dsqrt(rti_d a) { RTI_EACH(rti_d, sqrt(a.f[i])); }
 RTI_FN unsigned rti_dlt(rti_d a, rti_d b) { RTI_BITS(a.f[i] < b.f[i]); }
+RTI_FN rti_d rti_dmin(rti_d a, rti_d b) { RTI_EACH(rti_d, a.f[i] < b.f[i] ? a.f[i] : b.f[i]); }
+RTI_FN rti_d rti_dmax(rti_d a, rti_d b) { RTI_EACH(rti_d, a.f[i] > b.f[i] ? a.f[i] : b.f[i]); }
 RTI_FN rti_d rti_dselect(unsigned lanes, rti_d a, rti_d b) { RTI_EACH(rti_d, lanes >> i & 1 ? a.f[i] : b.f[i]); }
 RTI_FN rti_d rti_widen(rti_v a) { RTI_EACH(rti_d, (double)a.f[i]); }
 RTI_FN rti_v rti_narrow(rti_d a) { RTI_EACH(rti_v, (float)a.f[i]); }
@@ -5052,6 +5063,8 @@ RTI_FN rti_d rti_dsub(rti_d a, rti_d b) { RTI_BOTH(_mm_sub_pd(a.lo, b.lo), _mm_s
 RTI_FN rti_d rti_dmul(rti_d a, rti_d b) { RTI_BOTH(_mm_mul_pd(a.lo, b.lo), _mm_mul_pd(a.hi, b.hi)); }
 RTI_FN rti_d rti_ddiv(rti_d a, rti_d b) { RTI_BOTH(_mm_div_pd(a.lo, b.lo), _mm_div_pd(a.hi, b.hi)); }
 RTI_FN rti_d rti_dsqrt(rti_d a) { RTI_BOTH(_mm_sqrt_pd(a.lo), _mm_sqrt_pd(a.hi)); }
+RTI_FN rti_d rti_dmin(rti_d a, rti_d b) { RTI_BOTH(_mm_min_pd(a.lo, b.lo), _mm_min_pd(a.hi, b.hi)); }
+RTI_FN rti_d rti_dmax(rti_d a, rti_d b) { RTI_BOTH(_mm_max_pd(a.lo, b.lo), _mm_max_pd(a.hi, b.hi)); }
 RTI_FN unsigned rti_dlt(rti_d a, rti_d b)
 {
     return (unsigned)_mm_movemask_pd(_mm_cmplt_pd(a.lo, b.lo)) | (unsigned)_mm_movemask_pd(_mm_cmplt_pd(a.hi, b.hi)) << 2;
@@ -5110,6 +5123,8 @@ RTI_FN rti_d rti_dsub(rti_d a, rti_d b) { RTI_BOTH(_mm256_sub_pd(a.lo, b.lo), _m
 RTI_FN rti_d rti_dmul(rti_d a, rti_d b) { RTI_BOTH(_mm256_mul_pd(a.lo, b.lo), _mm256_mul_pd(a.hi, b.hi)); }
 RTI_FN rti_d rti_ddiv(rti_d a, rti_d b) { RTI_BOTH(_mm256_div_pd(a.lo, b.lo), _mm256_div_pd(a.hi, b.hi)); }
 RTI_FN rti_d rti_dsqrt(rti_d a) { RTI_BOTH(_mm256_sqrt_pd(a.lo), _mm256_sqrt_pd(a.hi)); }
+RTI_FN rti_d rti_dmin(rti_d a, rti_d b) { RTI_BOTH(_mm256_min_pd(a.lo, b.lo), _mm256_min_pd(a.hi, b.hi)); }
+RTI_FN rti_d rti_dmax(rti_d a, rti_d b) { RTI_BOTH(_mm256_max_pd(a.lo, b.lo), _mm256_max_pd(a.hi, b.hi)); }
 RTI_FN unsigned rti_dlt(rti_d a, rti_d b)
 {
     return (unsigned)_mm256_movemask_pd(_mm256_cmp_pd(a.lo, b.lo, _CMP_LT_OQ)) |
@@ -5423,7 +5438,8 @@ RTI_FN rti_shear rti_make_shear(const rti_packet *p, int kz)
 /* [Woop]: axes permuted so that kz is the ray's largest, org moved to the origin, sheared so that the ray is the z axis. A vertex becomes
    a 2D point that depends on ray and vertex alone, so triangles which share it agree about it to the last bit: nothing slips through.
    Float edge functions throw out most triangles; zeros, which may be wrong, count as inside. What is left is decided again, and its t, u,
-   v computed, in double: exact signs, and weights that are good even for slivers and triangles seen edge-on. a: the vertices. */
+   v computed, in double: exact signs, and weights that are good even for slivers and triangles seen edge-on. a: the vertices.
+   RTI_WALK_LIKELY leaves the floats out, for those who have thrown out most triangles themselves. */
 RTI_FN unsigned rti_hit_triangle(rti_packet *p, const rti_shear *s, unsigned live, const float *a, uint32_t prim, uint32_t inst, int flags)
 {
     const int kx = s->kx, ky = s->ky, kz = s->kz;
@@ -5436,17 +5452,17 @@ RTI_FN unsigned rti_hit_triangle(rti_packet *p, const rti_shear *s, unsigned liv
     const rti_v by = rti_vsub(rti_vsub(rti_vset(a[3 + ky]), s->oy), rti_vround(rti_vmul(s->sy, bz)));
     const rti_v cx = rti_vsub(rti_vsub(rti_vset(a[6 + kx]), s->ox), rti_vround(rti_vmul(s->sx, cz)));
     const rti_v cy = rti_vsub(rti_vsub(rti_vset(a[6 + ky]), s->oy), rti_vround(rti_vmul(s->sy, cz)));
-    const rti_v u = rti_edge(cx, cy, bx, by), v = rti_edge(ax, ay, cx, cy), w = rti_edge(bx, by, ax, ay);
-    unsigned hit = live & ~(rti_vlt(rti_vmin(rti_vmin(u, v), w), rti_vset(0)) & rti_vlt(rti_vset(0), rti_vmax(rti_vmax(u, v), w)));
+    unsigned hit = live;
+    if (!(flags & RTI_WALK_LIKELY)) {
+        const rti_v u = rti_edge(cx, cy, bx, by), v = rti_edge(ax, ay, cx, cy), w = rti_edge(bx, by, ax, ay);
+        hit &= ~(rti_vlt(rti_vmin(rti_vmin(u, v), w), rti_vset(0)) & rti_vlt(rti_vset(0), rti_vmax(rti_vmax(u, v), w)));
+    }
     if (hit) {
-        const rti_d zero = rti_dset(0), depth = rti_widen(s->oz);
         const rti_d ud = rti_edge_exact(cx, cy, bx, by), vd = rti_edge_exact(ax, ay, cx, cy), wd = rti_edge_exact(bx, by, ax, ay);
-        const rti_d det = rti_dadd(rti_dadd(ud, vd), wd);
-        hit &= ~((rti_dlt(ud, zero) | rti_dlt(vd, zero) | rti_dlt(wd, zero)) &
-                 (rti_dlt(zero, ud) | rti_dlt(zero, vd) | rti_dlt(zero, wd)));
-        hit &= rti_dlt(det, zero) | rti_dlt(zero, det);
+        /* some are below 0 or some above: with both the ray passes outside; with neither the triangle is seen edge-on */
+        hit &= rti_dlt(rti_dmin(rti_dmin(ud, vd), wd), rti_dset(0)) ^ rti_dlt(rti_dset(0), rti_dmax(rti_dmax(ud, vd), wd));
         if (hit) {
-            const rti_d rdet = rti_ddiv(rti_dset(1), det);
+            const rti_d depth = rti_widen(s->oz), rdet = rti_ddiv(rti_dset(1), rti_dadd(rti_dadd(ud, vd), wd));
             rti_d td = rti_dadd(rti_product(ud, rti_dsub(rti_dset((double)a[kz]), depth)),
                                 rti_product(vd, rti_dsub(rti_dset((double)a[3 + kz]), depth)));
             td = rti_dadd(td, rti_product(wd, rti_dsub(rti_dset((double)a[6 + kz]), depth)));
@@ -6136,8 +6152,8 @@ typedef struct {
     int count, open;                        /* open: those that still need hits */
     bool shared;                            /* all rays start at one point; their SIMD rays have no planes */
     bool uniform;                           /* all dirs have the same signs */
-    int side[3];                            /* uniform: 1 where upper planes are met first */
-    float pad, org_lower[3], org_upper[3];  /* of all rays; shared: the origin, as lower and as upper planes see it */
+    int near_plane[3], far_plane[3];        /* uniform: which of a box's bounds are met first, and which last */
+    float pad, near_org[3], far_org[3];     /* of all rays; shared: the origin as those planes see it, padded */
     float way[3];                           /* the sum of all dirs */
     rti_frustum frustum;
     rt_cull cull;                           /* RT_CULL_NONE where there is no frustum */
@@ -6152,11 +6168,12 @@ RTI_FN rti_door rti_make_door(const rti_large *g, const float *bounds)
     rti_door door;
     int k;
     door.bounds = bounds;
-    RTI_UNROLL
-    for (k = 0; k < 3; k++) {
-        const float lower = bounds[k] - g->org_lower[k], upper = bounds[3 + k] - g->org_upper[k];
-        door.near_plane[k] = rti_vset(g->side[k] ? upper : lower);
-        door.far_plane[k] = rti_vset(g->side[k] ? lower : upper);
+    if (g->shared) {
+        RTI_UNROLL
+        for (k = 0; k < 3; k++) {
+            door.near_plane[k] = rti_vset(bounds[g->near_plane[k]] - g->near_org[k]);
+            door.far_plane[k] = rti_vset(bounds[g->far_plane[k]] - g->far_org[k]);
+        }
     }
     return door;
 }
@@ -6370,13 +6387,14 @@ RTI_NOINLINE RTI_TARGET void rti_make_frustum(const rt_accel *accel, rti_large *
         rti_vstore(lanes, sum[k]);
         g->way[k] = 0;
         for (i = 0; i < RTI_WIDTH; i++) g->way[k] += lanes[i];
-        g->side[k] = sides[k] >> 1 & 1;
         if (sides[k] == 3) g->uniform = false;
         most = fmaxf(fabsf(org_low[k]), fabsf(org_high[k]));
         reach = fmaxf(reach, most + fmaxf(fabsf(accel->lower[k]), fabsf(accel->upper[k])));
         if (!(end_high[k] - end_low[k] <= 4.8e-7f * (most + fabsf(end_low[k]) + fabsf(end_high[k])))) to_point = false;
-        g->org_lower[k] = org_low[k] + g->pad;
-        g->org_upper[k] = org_low[k] - g->pad;
+        g->near_plane[k] = k + (sides[k] & 2 ? 3 : 0);
+        g->far_plane[k] = k + (sides[k] & 2 ? 0 : 3);
+        g->near_org[k] = sides[k] & 2 ? org_low[k] - g->pad : org_low[k] + g->pad;
+        g->far_org[k] = sides[k] & 2 ? org_low[k] + g->pad : org_low[k] - g->pad;
     }
 
     g->cull = RT_CULL_NONE;
@@ -6538,7 +6556,7 @@ RTI_FN unsigned rti_between_planes(const rti_large *g, const rti_facets *t)
 }
 
 /* The exact test: the triangles of kept, on those lanes of a SIMD ray that may hit them. */
-RTI_NOINLINE RTI_TARGET unsigned rti_hit_facets(rti_packet *p, unsigned lanes, const rti_facets *t, unsigned kept, uint32_t inst, bool any)
+RTI_FN unsigned rti_hit_facets(rti_packet *p, unsigned lanes, const rti_facets *t, unsigned kept, uint32_t inst, const int flags)
 {
     unsigned found = 0;
     int kz;
@@ -6549,15 +6567,24 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_facets(rti_packet *p, unsigned lanes, c
         shear = rti_make_shear(p, kz);
         for (; left && live; left &= left - 1) {
             const int i = rti_lowest_bit(left);
-            if (any) {
-                const unsigned hit = rti_hit_triangle(p, &shear, live, t->corners[i], t->prim[i], inst, RTI_WALK_ANY);
-                live &= ~hit;
-                found |= hit;
-            } else found |= rti_hit_triangle(p, &shear, live, t->corners[i], t->prim[i], inst, 0);
+            const unsigned hit = rti_hit_triangle(p, &shear, live, t->corners[i], t->prim[i], inst, flags);
+            if (flags & RTI_WALK_ANY) live &= ~hit;
+            found |= hit;
         }
     }
     return found;
 }
+
+#define RTI_FACETS(name, flags)                                                                                                     \
+    RTI_NOINLINE RTI_TARGET unsigned name(rti_packet *p, unsigned lanes, const rti_facets *t, unsigned kept, uint32_t inst)         \
+    {                                                                                                                               \
+        return rti_hit_facets(p, lanes, t, kept, inst, flags);                                                                      \
+    }
+RTI_FACETS(rti_facets_closest, 0)
+RTI_FACETS(rti_facets_any, RTI_WALK_ANY)
+RTI_FACETS(rti_facets_closest_likely, RTI_WALK_LIKELY)
+RTI_FACETS(rti_facets_any_likely, RTI_WALK_ANY | RTI_WALK_LIKELY)
+#undef RTI_FACETS
 
 /* Notes what lanes of a SIMD ray have hit; with RT_ANY they are done. */
 RTI_FN void rti_note(rti_large *g, rti_packet *p, unsigned hit, bool any)
@@ -6612,7 +6639,7 @@ RTI_NOINLINE RTI_TARGET void rti_large_triangles(const rt_accel *accel, rti_larg
         if (g->frustum.sway < 0) {
             for (i = 0; i < length && kept; i++) {
                 rti_packet *p = &g->rays[list[i]];
-                rti_note(g, p, rti_hit_facets(p, p->live, &t, kept, inst, any), any);
+                rti_note(g, p, (any ? rti_facets_any : rti_facets_closest)(p, p->live, &t, kept, inst), any);
             }
             continue;
         }
@@ -6630,7 +6657,7 @@ RTI_NOINLINE RTI_TARGET void rti_large_triangles(const rt_accel *accel, rti_larg
                 const rti_v w = rti_vfma(su, wu, rti_vfma(sv, wv, wk));
                 const unsigned missed = rti_vlt(rti_vmin(rti_vmin(u, v), w), below) & rti_vlt(above, rti_vmax(rti_vmax(u, v), w));
                 if (missed == RTI_ALL_LANES) continue;
-                rti_note(g, p, rti_hit_facets(p, ~missed & p->live, &t, 1u << lane, inst, any), any);
+                rti_note(g, p, (any ? rti_facets_any_likely : rti_facets_closest_likely)(p, ~missed & p->live, &t, 1u << lane, inst), any);
             }
         }
     }
@@ -7556,6 +7583,8 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, rt_vec3 ligh
 #undef rti_dmul
 #undef rti_ddiv
 #undef rti_dsqrt
+#undef rti_dmin
+#undef rti_dmax
 #undef rti_dlt
 #undef rti_dselect
 #undef rti_widen
@@ -7636,6 +7665,10 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, rt_vec3 ligh
 #undef rti_edges
 #undef rti_between_planes
 #undef rti_hit_facets
+#undef rti_facets_closest
+#undef rti_facets_any
+#undef rti_facets_closest_likely
+#undef rti_facets_any_likely
 #undef rti_note
 #undef rti_count_rays
 #undef rti_large_triangles
