@@ -4784,7 +4784,8 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 /* ---- >>wide --------------------------------------------------------------------------------------------------------- */
 
 /* v: RTI_WIDTH floats; d: RTI_WIDTH doubles; a set of lanes is an unsigned, bit i for lane i. vmin and vmax answer the second operand
-   where either is NaN; vfma, a * b + c, may round once or twice: it is not for what must agree. Every name gets the pass's suffix, so a profile shows which one ran. */
+   where either is NaN; vfma, a * b + c, may round once or twice: it is not for what must agree. vquad repeats
+   four numbers; vapart tells whether, of lanes 0 to 3, the least of a is below the greatest of b. Every name gets the pass's suffix, so a profile shows which one ran. */
 #define RTI_NAME_(name) RTI_PASTE(name, RTI_SUFFIX)
 #define rti_v RTI_NAME_(rti_v)
 #define rti_d RTI_NAME_(rti_d)
@@ -4878,6 +4879,8 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_kd_stack_any_all RTI_NAME_(rti_kd_stack_any_all)
 #define rti_kd_walk RTI_NAME_(rti_kd_walk)
 #define rti_vfma RTI_NAME_(rti_vfma)
+#define rti_vquad RTI_NAME_(rti_vquad)
+#define rti_vapart RTI_NAME_(rti_vapart)
 #define rti_frustum RTI_NAME_(rti_frustum)
 #define rti_large RTI_NAME_(rti_large)
 #define rti_door RTI_NAME_(rti_door)
@@ -5008,6 +5011,17 @@ RTI_FN rti_v rti_vselect(unsigned lanes, rti_v a, rti_v b) { RTI_EACH(rti_v, lan
 RTI_FN rti_v rti_vround(rti_v a) { RTI_EACH(rti_v, rti_roundf(a.f[i])); }
 RTI_FN rti_v rti_vplane(float plane, rti_v org, rti_v rdir) { RTI_EACH(rti_v, (plane - org.f[i]) * rdir.f[i]); }
 RTI_FN rti_v rti_vfma(rti_v a, rti_v b, rti_v c) { RTI_EACH(rti_v, a.f[i] * b.f[i] + c.f[i]); }
+RTI_FN rti_v rti_vquad(float x, float y, float z, float w) { const float q[4] = { x, y, z, w }; { RTI_EACH(rti_v, q[i % 4]); } }
+RTI_FN bool rti_vapart(rti_v a, rti_v b)
+{
+    float least = a.f[0], most = b.f[0];
+    int i;
+    for (i = 1; i < 4; i++) {
+        least = a.f[i] < least ? a.f[i] : least;
+        most = b.f[i] > most ? b.f[i] : most;
+    }
+    return least < most;
+}
 RTI_FN rti_d rti_dset(double x) { RTI_EACH(rti_d, x); }
 RTI_FN rti_d rti_dload(const double *p) { RTI_EACH(rti_d, p[i]); }
 RTI_FN void rti_dstore(double *p, rti_d a) { memcpy(p, a.f, sizeof a.f); }
@@ -5055,6 +5069,16 @@ RTI_FN rti_v rti_vselect(unsigned lanes, rti_v a, rti_v b)
 RTI_FN rti_v rti_vround(rti_v a) { RTI_ROUND(a); return a; }
 RTI_FN rti_v rti_vplane(float plane, rti_v org, rti_v rdir) { return _mm_mul_ps(_mm_sub_ps(_mm_set1_ps(plane), org), rdir); }
 RTI_FN rti_v rti_vfma(rti_v a, rti_v b, rti_v c) { return _mm_add_ps(_mm_mul_ps(a, b), c); }
+RTI_FN rti_v rti_vquad(float x, float y, float z, float w) { return _mm_set_ps(w, z, y, x); }
+RTI_FN bool rti_vapart(rti_v a, rti_v b)
+{
+    __m128 least = a, most = b;
+    least = _mm_min_ps(least, _mm_movehl_ps(least, least));
+    most = _mm_max_ps(most, _mm_movehl_ps(most, most));
+    least = _mm_min_ss(least, _mm_shuffle_ps(least, least, 1));
+    most = _mm_max_ss(most, _mm_shuffle_ps(most, most, 1));
+    return _mm_comilt_ss(least, most) != 0;
+}
 RTI_FN rti_d rti_dset(double x) { RTI_BOTH(_mm_set1_pd(x), _mm_set1_pd(x)); }
 RTI_FN rti_d rti_dload(const double *p) { RTI_BOTH(_mm_loadu_pd(p), _mm_loadu_pd(p + 2)); }
 RTI_FN void rti_dstore(double *p, rti_d a) { _mm_storeu_pd(p, a.lo); _mm_storeu_pd(p + 2, a.hi); }
@@ -5115,6 +5139,16 @@ RTI_FN rti_v rti_vselect(unsigned lanes, rti_v a, rti_v b)
 RTI_FN rti_v rti_vround(rti_v a) { RTI_ROUND(a); return a; }
 RTI_FN rti_v rti_vplane(float plane, rti_v org_rdir, rti_v rdir) { return _mm256_fmsub_ps(_mm256_set1_ps(plane), rdir, org_rdir); }
 RTI_FN rti_v rti_vfma(rti_v a, rti_v b, rti_v c) { return _mm256_fmadd_ps(a, b, c); }
+RTI_FN rti_v rti_vquad(float x, float y, float z, float w) { return _mm256_set_ps(w, z, y, x, w, z, y, x); }
+RTI_FN bool rti_vapart(rti_v a, rti_v b)
+{
+    __m128 least = _mm256_castps256_ps128(a), most = _mm256_castps256_ps128(b);
+    least = _mm_min_ps(least, _mm_movehl_ps(least, least));
+    most = _mm_max_ps(most, _mm_movehl_ps(most, most));
+    least = _mm_min_ss(least, _mm_shuffle_ps(least, least, 1));
+    most = _mm_max_ss(most, _mm_shuffle_ps(most, most, 1));
+    return _mm_comilt_ss(least, most) != 0;
+}
 RTI_FN rti_d rti_dset(double x) { RTI_BOTH(_mm256_set1_pd(x), _mm256_set1_pd(x)); }
 RTI_FN rti_d rti_dload(const double *p) { RTI_BOTH(_mm256_loadu_pd(p), _mm256_loadu_pd(p + 4)); }
 RTI_FN void rti_dstore(double *p, rti_d a) { _mm256_storeu_pd(p, a.lo); _mm256_storeu_pd(p + 4, a.hi); }
@@ -6140,9 +6174,11 @@ RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, 
 
 typedef struct {
     int k, u, v;
-    float sign, start, length;
-    float bound[4], slope[4], rslope[4];
-    float pad;
+    int near_k, far_k;                      /* which of a box's bounds rays meet first and last along k */
+    float sign, start, length, pad;
+    float bound[4], slope[4];
+    float outside[RTI_WIDTH], slopes[RTI_WIDTH], rslopes[RTI_WIDTH];    /* four lanes, twice with 8: bound - pad, slope and its inverse; */
+    float beyond[RTI_WIDTH];                /* infinity with the sign that slope does not have */
     float apex[3], sway;                    /* rays pass the apex within sway; negative: there is none */
     float low[2], high[2], steep;           /* of the slopes along u and v; steep: the largest, sign aside */
 } rti_frustum;
@@ -6435,7 +6471,15 @@ RTI_NOINLINE RTI_TARGET void rti_make_frustum(const rt_accel *accel, rti_large *
     }
     if (f->sway < 0) rti_bound_general(g, f);
     f->pad = (g->pad + fmaxf(f->sway, 0) + slack * reach) * (1 + f->steep);
-    for (i = 0; i < 4; i++) f->rslope[i] = 1 / (fabsf(f->slope[i]) > 1e-7f ? f->slope[i] : copysignf(1e-7f, f->slope[i]));
+    for (i = 0; i < RTI_WIDTH; i++) {
+        const float slope = f->slope[i % 4];
+        f->outside[i] = f->bound[i % 4] - f->pad;
+        f->slopes[i] = slope;
+        f->rslopes[i] = 1 / (fabsf(slope) > 1e-7f ? slope : slope < 0 ? -1e-7f : 1e-7f);
+        f->beyond[i] = slope < 0 ? RTI_INFINITY : -RTI_INFINITY;
+    }
+    f->near_k = f->sign > 0 ? f->k : f->k + 3;
+    f->far_k = f->sign > 0 ? f->k + 3 : f->k;
     g->cull = cull;
 }
 
@@ -6445,26 +6489,17 @@ RTI_NOINLINE RTI_TARGET void rti_make_frustum(const rt_accel *accel, rti_large *
 RTI_FN bool rti_cull_box(const rti_large *g, const float *bounds)
 {
     const rti_frustum *f = &g->frustum;
-    const float lo = f->sign * bounds[f->k], hi = f->sign * bounds[3 + f->k], at = f->sign * f->start;
-    const float most[4] = { bounds[3 + f->u], -bounds[f->u], bounds[3 + f->v], -bounds[f->v] };
-    float from = (lo < hi ? lo : hi) - at - f->pad, to = (lo < hi ? hi : lo) - at + f->pad;
-    int i;
-    from = from > 0 ? from : 0;
-    to = to < f->length ? to : f->length;
+    const float at = f->sign * f->start, lo = f->sign * bounds[f->near_k] - at - f->pad, hi = f->sign * bounds[f->far_k] - at + f->pad;
+    const float from = lo > 0 ? lo : 0, to = hi < f->length ? hi : f->length;
+    const rti_v most = rti_vquad(bounds[3 + f->u], -bounds[f->u], bounds[3 + f->v], -bounds[f->v]);
+    const rti_v room = rti_vsub(most, rti_vload(f->outside)), slope = rti_vload(f->slopes);
     if (from > to) return true;
-    if (g->cull & RT_CULL_PLANES) {
-        for (i = 0; i < 4; i++) {
-            const float a = f->slope[i] * from, b = f->slope[i] * to;
-            if (most[i] + f->pad < f->bound[i] + (a < b ? a : b)) return true;
-        }
-    }
-    if (g->cull & RT_CULL_CORNERS) {
-        for (i = 0; i < 4; i++) {
-            const float s = (most[i] + f->pad - f->bound[i]) * f->rslope[i];
-            if (f->rslope[i] > 0) to = s < to ? s : to;
-            else from = s > from ? s : from;
-        }
-        if (from > to) return true;
+    if (g->cull & RT_CULL_PLANES && rti_vlt(room, rti_vmin(rti_vmul(slope, rti_vset(from)), rti_vmul(slope, rti_vset(to))))) return true;
+    if (g->cull & RT_CULL_CORNERS) {        /* a plane leaves the box at s or enters it there: min and max over lanes, by pairs */
+        const rti_v s = rti_vmul(room, rti_vload(f->rslopes));
+        const rti_v last = rti_vmin(rti_vmax(s, rti_vload(f->beyond)), rti_vset(to));
+        const rti_v first = rti_vmax(rti_vmin(s, rti_vload(f->beyond)), rti_vset(from));
+        return rti_vapart(last, first);
     }
     return false;
 }
@@ -7647,6 +7682,8 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, rt_vec3 ligh
 #undef rti_kd_stack_any_all
 #undef rti_kd_walk
 #undef rti_vfma
+#undef rti_vquad
+#undef rti_vapart
 #undef rti_frustum
 #undef rti_large
 #undef rti_door

@@ -952,9 +952,9 @@ static void rtt_backwards(void *user, size_t count, void (*body)(void *context, 
    since closest and any take turns in the table. */
 static const struct { rt_build_options options; bool parallel; size_t every; } rtt_builds[] = {
     { { .structure = RT_BVH }, false, 1 },
-    { { .structure = RT_BVH, .quality = RT_BUILD_FAST, .reference = true }, true, 1 },
-    { { .structure = RT_BVH, .quality = RT_BUILD_HIGH }, false, 1 },
-    { { .structure = RT_BVH, .traversal_cost = 0.01f }, false, 4 },
+    { { .structure = RT_BVH, .quality = RT_BUILD_FAST, .reference = true }, true, 7 },
+    { { .structure = RT_BVH, .quality = RT_BUILD_HIGH }, false, 7 },
+    { { .structure = RT_BVH, .traversal_cost = 0.01f }, false, 7 },
     { { .structure = RT_KDTREE }, false, 3 },
     { { .structure = RT_KDTREE, .quality = RT_BUILD_FAST, .reference = true }, true, 11 },
     { { .structure = RT_KDTREE, .quality = RT_BUILD_HIGH, .traversal_cost = 0.25f, .max_duplication = 16 }, false, 11 },
@@ -3159,18 +3159,26 @@ static void rtt_test_stats(void)
         for (size_t w = 0; w < rtt_way_count; w++) {
             rt_trace_options options = rtt_ways[w].options;
             const rt_accel *accel = rtt_accels_for(&accels, &rtt_ways[w]);
-            bool boxed = accel == accels.of[RT_BVH];
+            bool boxed = accel == accels.of[RT_BVH], ranged = options.algorithm == RT_BVH_RANGED;
+            bool large = ranged || options.algorithm == RT_BVH_MASKED || options.algorithm == RT_BVH_PARTITION;
+            uint64_t boxes = 0, prims = 0;
             rt_stats once, twice;
 
             memset(&once, 0, sizeof once);
             options.stats = &once;
             CHECK_STATUS(rt_trace(accel, &options, rays.ray, rays.count, hits), RT_OK);
             rtt_compare("with stats", rtt_ways[w].label, &rays, hits, want, options.query == RT_ANY, true);
-            if (once.rays != legal || once.prims < hit || once.nodes < hit || once.leaves < hit || (boxed && once.boxes < once.nodes)
+            if (once.rays != legal || once.prims < hit || once.nodes < hit || once.leaves < hit || (boxed && !ranged && once.boxes < once.nodes)
                 || (boxed && once.prims > legal * 2101) || once.active < once.steps || (boxed && (once.restarts || once.drops)))
                 rtt_fail("%s: rays %llu nodes %llu boxes %llu prims %llu steps %llu active %llu", rtt_ways[w].label,
                          (unsigned long long)once.rays, (unsigned long long)once.nodes, (unsigned long long)once.boxes,
                          (unsigned long long)once.prims, (unsigned long long)once.steps, (unsigned long long)once.active);
+            for (int depth = 0; depth < RT_DEPTHS; depth++) {
+                boxes += once.boxes_at[depth];
+                prims += once.prims_at[depth];
+            }
+            CHECK(boxes == (large ? once.boxes : 0) && prims == (large ? once.prims : 0));
+            CHECK(options.cull == RT_CULL_NONE ? once.frusta == 0 : once.culled > 0 && once.culled < once.frusta);
             twice = once;                   /* a second call adds the same again */
             options.stats = &twice;
             CHECK_STATUS(rt_trace(accel, &options, rays.ray, rays.count, hits), RT_OK);
