@@ -4784,7 +4784,8 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 /* ---- >>wide --------------------------------------------------------------------------------------------------------- */
 
 /* v: RTI_WIDTH floats; d: RTI_WIDTH doubles; a set of lanes is an unsigned, bit i for lane i. vmin and vmax answer the second operand
-   where either is NaN; vfma, a * b + c, may round once or twice: it is not for what must agree. vquad repeats
+   where either is NaN; vfma, a * b + c, may round once or twice: it is not for what must agree. vplane is how far
+   along a ray an axis-aligned plane lies; its origin is what vorigin makes of the ray's. vquad repeats
    four numbers; vapart tells whether, of lanes 0 to 3, the least of a is below the greatest of b. Every name gets the pass's suffix, so a profile shows which one ran. */
 #define RTI_NAME_(name) RTI_PASTE(name, RTI_SUFFIX)
 #define rti_v RTI_NAME_(rti_v)
@@ -4806,6 +4807,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_vnegative RTI_NAME_(rti_vnegative)
 #define rti_vselect RTI_NAME_(rti_vselect)
 #define rti_vround RTI_NAME_(rti_vround)
+#define rti_vorigin RTI_NAME_(rti_vorigin)
 #define rti_vplane RTI_NAME_(rti_vplane)
 #define rti_dset RTI_NAME_(rti_dset)
 #define rti_dload RTI_NAME_(rti_dload)
@@ -4966,9 +4968,11 @@ RTI_FN unsigned rti_vnegative(rti_v a) { uint32_t bits; memcpy(&bits, &a, sizeof
 RTI_FN rti_v rti_vselect(unsigned lanes, rti_v a, rti_v b) { return lanes ? a : b; }
 RTI_FN rti_v rti_vround(rti_v a) { return rti_roundf(a); }
 #if RTI_FMA
-RTI_FN rti_v rti_vplane(float plane, rti_v org_rdir, rti_v rdir) { return fmaf(plane, rdir, -org_rdir); }
+RTI_FN rti_v rti_vorigin(rti_v org, rti_v rdir) { return org * rdir; }
+RTI_FN rti_v rti_vplane(rti_v plane, rti_v org_rdir, rti_v rdir) { return fmaf(plane, rdir, -org_rdir); }
 #else
-RTI_FN rti_v rti_vplane(float plane, rti_v org, rti_v rdir) { return (plane - org) * rdir; }
+RTI_FN rti_v rti_vorigin(rti_v org, rti_v rdir) { (void)rdir; return org; }
+RTI_FN rti_v rti_vplane(rti_v plane, rti_v org, rti_v rdir) { return (plane - org) * rdir; }
 #endif
 RTI_FN rti_d rti_dset(double x) { return x; }
 RTI_FN rti_d rti_dload(const double *p) { return *p; }
@@ -5009,7 +5013,8 @@ RTI_FN unsigned rti_vle(rti_v a, rti_v b) { RTI_BITS(a.f[i] <= b.f[i]); }
 RTI_FN unsigned rti_vnegative(rti_v a) { uint32_t bits[RTI_WIDTH]; memcpy(bits, a.f, sizeof bits); { RTI_BITS(bits[i] >> 31); } }
 RTI_FN rti_v rti_vselect(unsigned lanes, rti_v a, rti_v b) { RTI_EACH(rti_v, lanes >> i & 1 ? a.f[i] : b.f[i]); }
 RTI_FN rti_v rti_vround(rti_v a) { RTI_EACH(rti_v, rti_roundf(a.f[i])); }
-RTI_FN rti_v rti_vplane(float plane, rti_v org, rti_v rdir) { RTI_EACH(rti_v, (plane - org.f[i]) * rdir.f[i]); }
+RTI_FN rti_v rti_vorigin(rti_v org, rti_v rdir) { (void)rdir; return org; }
+RTI_FN rti_v rti_vplane(rti_v plane, rti_v org, rti_v rdir) { RTI_EACH(rti_v, (plane.f[i] - org.f[i]) * rdir.f[i]); }
 RTI_FN rti_v rti_vfma(rti_v a, rti_v b, rti_v c) { RTI_EACH(rti_v, a.f[i] * b.f[i] + c.f[i]); }
 RTI_FN rti_v rti_vquad(float x, float y, float z, float w) { const float q[4] = { x, y, z, w }; { RTI_EACH(rti_v, q[i % 4]); } }
 RTI_FN bool rti_vapart(rti_v a, rti_v b)
@@ -5067,7 +5072,8 @@ RTI_FN rti_v rti_vselect(unsigned lanes, rti_v a, rti_v b)
     return _mm_or_ps(_mm_and_ps(mask, a), _mm_andnot_ps(mask, b));
 }
 RTI_FN rti_v rti_vround(rti_v a) { RTI_ROUND(a); return a; }
-RTI_FN rti_v rti_vplane(float plane, rti_v org, rti_v rdir) { return _mm_mul_ps(_mm_sub_ps(_mm_set1_ps(plane), org), rdir); }
+RTI_FN rti_v rti_vorigin(rti_v org, rti_v rdir) { (void)rdir; return org; }
+RTI_FN rti_v rti_vplane(rti_v plane, rti_v org, rti_v rdir) { return _mm_mul_ps(_mm_sub_ps(plane, org), rdir); }
 RTI_FN rti_v rti_vfma(rti_v a, rti_v b, rti_v c) { return _mm_add_ps(_mm_mul_ps(a, b), c); }
 RTI_FN rti_v rti_vquad(float x, float y, float z, float w) { return _mm_set_ps(w, z, y, x); }
 RTI_FN bool rti_vapart(rti_v a, rti_v b)
@@ -5137,7 +5143,8 @@ RTI_FN rti_v rti_vselect(unsigned lanes, rti_v a, rti_v b)
     return _mm256_blendv_ps(b, a, _mm256_castsi256_ps(_mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32((int)lanes), bit), bit)));
 }
 RTI_FN rti_v rti_vround(rti_v a) { RTI_ROUND(a); return a; }
-RTI_FN rti_v rti_vplane(float plane, rti_v org_rdir, rti_v rdir) { return _mm256_fmsub_ps(_mm256_set1_ps(plane), rdir, org_rdir); }
+RTI_FN rti_v rti_vorigin(rti_v org, rti_v rdir) { return _mm256_mul_ps(org, rdir); }
+RTI_FN rti_v rti_vplane(rti_v plane, rti_v org_rdir, rti_v rdir) { return _mm256_fmsub_ps(plane, rdir, org_rdir); }
 RTI_FN rti_v rti_vfma(rti_v a, rti_v b, rti_v c) { return _mm256_fmadd_ps(a, b, c); }
 RTI_FN rti_v rti_vquad(float x, float y, float z, float w) { return _mm256_set_ps(w, z, y, x, w, z, y, x); }
 RTI_FN bool rti_vapart(rti_v a, rti_v b)
@@ -5209,7 +5216,8 @@ typedef struct {
     unsigned live, found;                                   /* of large packets: lanes that still need hits, and that have one */
 #endif
     float org[3][RTI_WIDTH], dir[3][RTI_WIDTH];
-    float plane[2][3][RTI_WIDTH];                           /* org as rti_vplane wants it, padded, for lower and upper planes */
+    float plane[2][3][RTI_WIDTH];                           /* rti_vorigin of org: padded, for lower and upper planes; in
+                                                               large packets not padded, and the first alone */
     float pad[RTI_WIDTH];                                   /* how far planes are moved out */
 #if RTI_INSTANCES && RTI_KDTREE
     uint32_t seen[RTI_SEEN], seen_by[RTI_SEEN], next_seen;  /* instances of a k-d tree that were traced last, and by which lanes */
@@ -5321,8 +5329,10 @@ RTI_FN rti_v rti_invert_dir(rti_packet *p, int k, rti_v dir, rti_v least, unsign
    largest on its way to a hit, and R is slack more for what lies outside its box: in instances, and in spheres too small to widen a box
    that far away. Twice that is added, since for the shortest rays least is much larger than largest, and then pad is all there is, its own
    rounding included. Near zero errors stop being relative: coordinates and t then err by a few of the smallest normal float (also with
-   flush-to-zero), t times the direction in space. */
-RTI_FN unsigned rti_prepare(const rt_accel *accel, rti_packet *p, unsigned lanes)
+   flush-to-zero), t times the direction in space.
+
+   large: for a large packet, which has one pad for all and keeps no padded planes. */
+RTI_FN unsigned rti_prepare(const rt_accel *accel, rti_packet *p, unsigned lanes, const bool large)
 {
     rti_v org[3], dir[3], reach = rti_vset(0), far_org = rti_vset(0), largest, least, slack, pad;
     unsigned legal = lanes & rti_vlt(rti_vload(p->tmin), rti_vload(p->t));
@@ -5352,14 +5362,12 @@ RTI_FN unsigned rti_prepare(const rt_accel *accel, rti_packet *p, unsigned lanes
     RTI_UNROLL
     for (k = 0; k < 3; k++) {
         const rti_v rdir = rti_invert_dir(p, k, dir[k], least, legal);
-        (void)rdir;
-#if RTI_FMA
-        rti_vstore(p->plane[0][k], rti_vmul(rti_vadd(org[k], pad), rdir));
-        rti_vstore(p->plane[1][k], rti_vmul(rti_vsub(org[k], pad), rdir));
-#else
-        rti_vstore(p->plane[0][k], rti_vadd(org[k], pad));
-        rti_vstore(p->plane[1][k], rti_vsub(org[k], pad));
-#endif
+        if (large) {                        /* the same pad for all: see rti_make_door */
+            rti_vstore(p->plane[0][k], rti_vorigin(org[k], rdir));
+            continue;
+        }
+        rti_vstore(p->plane[0][k], rti_vorigin(rti_vadd(org[k], pad), rdir));
+        rti_vstore(p->plane[1][k], rti_vorigin(rti_vsub(org[k], pad), rdir));
     }
     return legal;
 }
@@ -5383,8 +5391,8 @@ RTI_FN rti_slab rti_make_slab(const rti_packet *p, int axis, bool uniform)
 
 RTI_FN void rti_cross_slab(const rti_slab *s, const float bounds[6], bool uniform, rti_v *enter, rti_v *leave)
 {
-    rti_v a = rti_vplane(bounds[s->near_plane], s->near_org, s->rdir);
-    rti_v b = rti_vplane(bounds[s->far_plane], s->far_org, s->rdir);
+    rti_v a = rti_vplane(rti_vset(bounds[s->near_plane]), s->near_org, s->rdir);
+    rti_v b = rti_vplane(rti_vset(bounds[s->far_plane]), s->far_org, s->rdir);
     *enter = uniform ? a : rti_vmin(a, b);
     *leave = uniform ? b : rti_vmax(a, b);
 }
@@ -5601,7 +5609,8 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_spheres(const rt_accel *accel, rti_pack
 RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job);
 
 /* The rays as they go on in object space, a packet of their own; t means the same there. Answers the lanes that are legal there. */
-RTI_NOINLINE RTI_TARGET unsigned rti_enter_instance(const rti_instance *in, const rti_packet *p, unsigned lanes, rti_packet *inner)
+RTI_NOINLINE RTI_TARGET unsigned rti_enter_instance(const rti_instance *in, const rti_packet *p, unsigned lanes, rti_packet *inner,
+                                                    bool large)
 {
     int i, k;
     for (i = 0; i < RTI_WIDTH; i++) {
@@ -5622,7 +5631,7 @@ RTI_NOINLINE RTI_TARGET unsigned rti_enter_instance(const rti_instance *in, cons
     }
     inner->prim = p->prim;
     inner->inst = p->inst;
-    return rti_prepare(in->accel, inner, lanes);
+    return rti_prepare(in->accel, inner, lanes, large);
 }
 
 /* Takes over what the lanes of hit have found there. */
@@ -5664,7 +5673,7 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_instances(const rt_accel *accel, rti_pa
             if (!todo) continue;
         }
 #endif
-        legal = rti_enter_instance(in, p, todo, &inner);
+        legal = rti_enter_instance(in, p, todo, &inner, false);
         if (!legal) continue;
         hit = rti_walk(in->accel, &inner, legal, inst + 1 + in->base, job);
         found |= hit;
@@ -5859,8 +5868,8 @@ RTI_FN unsigned rti_kd_cross(const rti_kdray *r, const rti_kdnode *nodes, const 
     const uint32_t word = at->node->word, axis = word & 3;
     const uint32_t side = r->sides >> axis & 1;           /* from a register: a load would double the time from node to node */
     const rti_kdnode *pair = (const rti_kdnode *)(const void *)((const char *)nodes + (word & ~15u));       /* 2 nodes are 16 bytes */
-    const rti_v lo = rti_vplane(at->node->as.split, r->axis[axis].near_org, r->axis[axis].rdir);
-    const rti_v hi = rti_vplane(at->node->as.split, r->axis[axis].far_org, r->axis[axis].rdir);
+    const rti_v lo = rti_vplane(rti_vset(at->node->as.split), r->axis[axis].near_org, r->axis[axis].rdir);
+    const rti_v hi = rti_vplane(rti_vset(at->node->as.split), r->axis[axis].far_org, r->axis[axis].rdir);
     const rti_v until = rti_vmin(hi, at->tmax), from = rti_vmax(lo, at->tmin);
     first->node = pair + side;
     second->node = pair + (side ^ 1);
@@ -6186,17 +6195,20 @@ typedef struct {
 typedef struct {
     rti_packet *rays;                       /* SIMD rays */
     int count, open;                        /* open: those that still need hits */
-    bool shared;                            /* all rays start at one point; their SIMD rays have no planes */
+    bool shared;                            /* all rays start at one point, and rti_prepare_shared has prepared them */
+    bool apex;                              /* all rays pass one point at t = apex_t, 0 or 1 */
+    float apex_t;
     bool uniform;                           /* all dirs have the same signs */
     int near_plane[3], far_plane[3];        /* uniform: which of a box's bounds are met first, and which last */
-    float pad, near_org[3], far_org[3];     /* of all rays; shared: the origin as those planes see it, padded */
+    float pad, near_org[3], far_org[3];     /* of all rays; what is subtracted from those planes: the apex, if any, and the pad */
     float way[3];                           /* the sum of all dirs */
     rti_frustum frustum;
     rt_cull cull;                           /* RT_CULL_NONE where there is no frustum */
     unsigned char order[RTI_SIMD_RAYS];     /* SIMD rays: the living first (Partition), or scratch */
 } rti_large;
 
-/* The box tests of one node: what is alike for all rays. */
+/* The box test of a node: what is alike for all rays, its planes moved out by the pad of the packet and, where there is an apex, as seen
+   from it. (Two more roundings than rti_prepare thinks of, of bounds and of the difference, are in that pad.) */
 typedef struct { const float *bounds; rti_v near_plane[3], far_plane[3]; } rti_door;
 
 RTI_FN rti_door rti_make_door(const rti_large *g, const float *bounds)
@@ -6204,12 +6216,10 @@ RTI_FN rti_door rti_make_door(const rti_large *g, const float *bounds)
     rti_door door;
     int k;
     door.bounds = bounds;
-    if (g->shared) {
-        RTI_UNROLL
-        for (k = 0; k < 3; k++) {
-            door.near_plane[k] = rti_vset(bounds[g->near_plane[k]] - g->near_org[k]);
-            door.far_plane[k] = rti_vset(bounds[g->far_plane[k]] - g->far_org[k]);
-        }
+    RTI_UNROLL
+    for (k = 0; k < 3; k++) {
+        door.near_plane[k] = rti_vset(bounds[g->near_plane[k]] - g->near_org[k]);
+        door.far_plane[k] = rti_vset(bounds[g->far_plane[k]] - g->far_org[k]);
     }
     return door;
 }
@@ -6217,30 +6227,33 @@ RTI_FN rti_door rti_make_door(const rti_large *g, const float *bounds)
 /* Lanes of a SIMD ray that meet the box. */
 RTI_FN unsigned rti_pass(const rti_large *g, const rti_door *door, const rti_packet *p)
 {
-    const rti_v tmin = rti_vload(p->tmin), t = rti_vload(p->t);
-    if (g->shared) {
-        rti_v a[3], b[3];
-        int k;
-        RTI_UNROLL
-        for (k = 0; k < 3; k++) {
-            const rti_v rdir = rti_vload(p->rdir[k]);
+    rti_v tmin = rti_vload(p->tmin), t = rti_vload(p->t), a[3], b[3];
+    int k;
+    if (g->apex) {
+        tmin = rti_vsub(tmin, rti_vset(g->apex_t));
+        t = rti_vsub(t, rti_vset(g->apex_t));
+    }
+    RTI_UNROLL
+    for (k = 0; k < 3; k++) {
+        const rti_v rdir = rti_vload(p->rdir[k]);
+        if (g->apex) {
             a[k] = rti_vmul(door->near_plane[k], rdir);
             b[k] = rti_vmul(door->far_plane[k], rdir);
+        } else {
+            const rti_v org = rti_vload(p->plane[0][k]);
+            a[k] = rti_vplane(door->near_plane[k], org, rdir);
+            b[k] = rti_vplane(door->far_plane[k], org, rdir);
         }
-        if (!g->uniform) {
-            RTI_UNROLL
-            for (k = 0; k < 3; k++) {
-                const rti_v enter = rti_vmin(a[k], b[k]);
-                b[k] = rti_vmax(a[k], b[k]);
-                a[k] = enter;
-            }
-        }
-        return rti_vle(rti_vmax(rti_vmax(a[0], a[1]), rti_vmax(a[2], tmin)), rti_vmin(rti_vmin(b[0], b[1]), rti_vmin(b[2], t)));
-    } else {
-        const rti_slabs slabs = rti_make_slabs(p);
-        rti_v enter, leave;
-        return rti_hit_box(&slabs, door->bounds, t, &enter, &leave);
     }
+    if (!g->uniform) {
+        RTI_UNROLL
+        for (k = 0; k < 3; k++) {
+            const rti_v enter = rti_vmin(a[k], b[k]);
+            b[k] = rti_vmax(a[k], b[k]);
+            a[k] = enter;
+        }
+    }
+    return rti_vle(rti_vmax(rti_vmax(a[0], a[1]), rti_vmax(a[2], tmin)), rti_vmin(rti_vmin(b[0], b[1]), rti_vmin(b[2], t)));
 }
 
 /* Smallest and largest lane. */
@@ -6383,8 +6396,8 @@ RTI_NOINLINE RTI_TARGET void rti_make_frustum(const rt_accel *accel, rti_large *
 {
     rti_frustum *f = &g->frustum;
     rti_range orgs = rti_no_range(), ends = rti_no_range();
-    rti_v sum[3], pad = rti_vset(0), first = rti_vset(RTI_INFINITY), last = rti_vset(-RTI_INFINITY);
-    float org_low[3], org_high[3], end_low[3], end_high[3], reach = 0, slack, tmin, tmax, unused;
+    rti_v sum[3], pads = rti_vset(0), first = rti_vset(RTI_INFINITY), last = rti_vset(-RTI_INFINITY);
+    float org_low[3], org_high[3], end_low[3], end_high[3], reach = 0, pad, slack, tmin, tmax, unused;
     unsigned sides[3] = { 0, 0, 0 };        /* bit 0: some ray goes up that axis, bit 1: some goes down */
     bool to_point;
     int i, k;
@@ -6401,7 +6414,7 @@ RTI_NOINLINE RTI_TARGET void rti_make_frustum(const rt_accel *accel, rti_large *
             sides[k] |= (unsigned)(negative != RTI_ALL_LANES) | (unsigned)(negative != 0) << 1;
         }
         if (g->shared) continue;
-        pad = rti_vmax(rti_vload(p->pad), pad);
+        pads = rti_vmax(rti_vload(p->pad), pads);
         RTI_UNROLL
         for (k = 0; k < 3; k++) {
             const rti_v org = rti_vload(p->org[k]);
@@ -6410,7 +6423,7 @@ RTI_NOINLINE RTI_TARGET void rti_make_frustum(const rt_accel *accel, rti_large *
         }
     }
     rti_stretch_lanes(first, last, &tmin, &tmax);
-    if (!g->shared) rti_stretch_lanes(pad, pad, &unused, &g->pad);
+    if (!g->shared) rti_stretch_lanes(pads, pads, &unused, &g->pad);
     to_point = !g->shared && tmax <= 1;
     g->uniform = true;
     for (k = 0; k < 3; k++) {
@@ -6427,27 +6440,35 @@ RTI_NOINLINE RTI_TARGET void rti_make_frustum(const rt_accel *accel, rti_large *
         most = fmaxf(fabsf(org_low[k]), fabsf(org_high[k]));
         reach = fmaxf(reach, most + fmaxf(fabsf(accel->lower[k]), fabsf(accel->upper[k])));
         if (!(end_high[k] - end_low[k] <= 4.8e-7f * (most + fabsf(end_low[k]) + fabsf(end_high[k])))) to_point = false;
+    }
+    g->apex = g->shared || to_point;
+    g->apex_t = to_point ? 1 : 0;
+    f->sway = g->apex ? 0.0f : -1.0f;
+    for (k = 0; k < 3; k++) {
+        f->apex[k] = end_low[k] + (end_high[k] - end_low[k]) * 0.5f;
+        if (to_point) f->sway = fmaxf(f->sway, end_high[k] - end_low[k] + 4.8e-7f * (reach + fabsf(f->apex[k])));
+    }
+    pad = g->pad + fmaxf(f->sway, 0) + 2.4e-7f * reach;
+    for (k = 0; k < 3; k++) {
+        const float at = g->apex ? f->apex[k] : 0;
         g->near_plane[k] = k + (sides[k] & 2 ? 3 : 0);
         g->far_plane[k] = k + (sides[k] & 2 ? 0 : 3);
-        g->near_org[k] = sides[k] & 2 ? org_low[k] - g->pad : org_low[k] + g->pad;
-        g->far_org[k] = sides[k] & 2 ? org_low[k] + g->pad : org_low[k] - g->pad;
+        g->near_org[k] = sides[k] & 2 ? at - pad : at + pad;
+        g->far_org[k] = sides[k] & 2 ? at + pad : at - pad;
     }
 
     g->cull = RT_CULL_NONE;
-    f->sway = -1;
     f->k = fabsf(g->way[0]) > fabsf(g->way[1]) ? 0 : 1;
     if (fabsf(g->way[2]) > fabsf(g->way[f->k])) f->k = 2;
     f->u = f->k == 2 ? 0 : f->k + 1;
     f->v = f->u == 2 ? 0 : f->u + 1;
     f->sign = g->way[f->k] < 0 ? -1.0f : 1.0f;
-    if (!(reach <= 1e15f) || !(tmin >= 0) || !(fabsf(g->way[f->k]) < 1e35f) || sides[f->k] == 3 || !rti_survey_slopes(g, f)) return;
+    if (!(reach <= 1e15f) || !(tmin >= 0) || !(fabsf(g->way[f->k]) < 1e35f) || sides[f->k] == 3 || !rti_survey_slopes(g, f)) {
+        f->sway = -1;
+        return;
+    }
     slack = 2e-6f * (1 + f->steep);
-    if (g->shared || to_point) {
-        f->sway = 0;
-        for (k = 0; k < 3; k++) {
-            f->apex[k] = end_low[k] + (end_high[k] - end_low[k]) * 0.5f;
-            if (to_point) f->sway = fmaxf(f->sway, end_high[k] - end_low[k] + 4.8e-7f * (reach + fabsf(f->apex[k])));
-        }
+    if (g->apex) {
         if (to_point) f->sign = -f->sign;   /* from where the rays end to where they start */
         f->start = f->apex[f->k];
         if (to_point) f->length = f->sign * ((f->sign > 0 ? org_high : org_low)[f->k] - f->start);
@@ -6470,7 +6491,7 @@ RTI_NOINLINE RTI_TARGET void rti_make_frustum(const rt_accel *accel, rti_large *
         return;
     }
     if (f->sway < 0) rti_bound_general(g, f);
-    f->pad = (g->pad + fmaxf(f->sway, 0) + slack * reach) * (1 + f->steep);
+    f->pad = (pad + slack * reach) * (1 + f->steep);
     for (i = 0; i < RTI_WIDTH; i++) {
         const float slope = f->slope[i % 4];
         f->outside[i] = f->bound[i % 4] - f->pad;
@@ -6721,7 +6742,7 @@ RTI_NOINLINE RTI_TARGET void rti_large_instances(const rt_accel *accel, rti_larg
             for (inner.count = 0; i < length && inner.count < RTI_NESTED; i++) {
                 rti_packet *p = &g->rays[list[i]], *q = &packets[inner.count];
                 const unsigned lanes = rti_pass(g, door, p) & p->live;
-                q->live = lanes ? rti_enter_instance(in, p, lanes, q) : 0;
+                q->live = lanes ? rti_enter_instance(in, p, lanes, q, in->accel->structure == RT_BVH) : 0;
                 q->found = 0;
                 if (q->live) from[inner.count++] = list[i];
             }
@@ -7033,7 +7054,7 @@ RTI_NOINLINE RTI_TARGET void rti_batch(const rt_accel *accel, const rti_job *job
     for (first = 0; first < count; first += RTI_WIDTH) {
         const int n = count - first < RTI_WIDTH ? (int)(count - first) : RTI_WIDTH;
         rti_packet p;
-        const unsigned live = rti_prepare(accel, &p, rti_take_rays(rays + first, n, &p));
+        const unsigned live = rti_prepare(accel, &p, rti_take_rays(rays + first, n, &p), false);
 #if RTI_STATS
         if (job->stats) job->stats->rays += (uint64_t)rti_bit_count(live);
 #endif
@@ -7068,7 +7089,7 @@ RTI_FN void rti_batch_packets(const rt_accel *accel, const rti_job *job, const r
         }
         g.open = g.count;
         g.shared = n % RTI_WIDTH == 0 && rti_prepare_shared(accel, &g);
-        for (i = 0; i < g.count && !g.shared; i++) packets[i].live = rti_prepare(accel, &packets[i], packets[i].live);
+        for (i = 0; i < g.count && !g.shared; i++) packets[i].live = rti_prepare(accel, &packets[i], packets[i].live, true);
 #if RTI_STATS
         for (i = 0; i < g.count && job->stats; i++) job->stats->rays += (uint64_t)rti_bit_count(packets[i].live);
 #endif
@@ -7404,7 +7425,7 @@ RTI_NOINLINE RTI_TARGET void rti_cover(const rt_raster *r, const rti_block *b)
         c.live[k] = c.found[k] = 0;
         if (!lanes) continue;
         rti_load_rays(b->rays + k * RTI_WIDTH, &c.packets[k]);
-        c.live[k] = rti_prepare(&r->accel, &c.packets[k], lanes);
+        c.live[k] = rti_prepare(&r->accel, &c.packets[k], lanes, false);
         for (i = 0; i < RTI_WIDTH; i++)
             if (!(c.live[k] >> i & 1)) c.packets[k].t[i] = -RTI_INFINITY;
         c.last[k] = rti_last_t(&c.packets[k]);
@@ -7609,6 +7630,7 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, rt_vec3 ligh
 #undef rti_vnegative
 #undef rti_vselect
 #undef rti_vround
+#undef rti_vorigin
 #undef rti_vplane
 #undef rti_dset
 #undef rti_dload
