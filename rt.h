@@ -4523,27 +4523,31 @@ static unsigned rti_unzip(unsigned code)
 /* The eye rays of a block through (dx, dy) of each pixel, in Morton order, so that those which follow each other are neighbours. */
 static size_t rti_look(rti_render *r, const int box[4], float dx, float dy)
 {
-    const unsigned width = (unsigned)(box[2] - box[0]), height = (unsigned)(box[3] - box[1]), count = (unsigned)(r->side * r->side);
+    const unsigned width = (unsigned)(box[2] - box[0]), height = (unsigned)(box[3] - box[1]), side = (unsigned)r->side;
+    const rt_vec3 eye = r->view.eye;
     rt_vec3 right[RTI_MAX_BLOCK], down[RTI_MAX_BLOCK];
-    size_t n = 0;
-    unsigned i;
+    rt_ray *ray = r->rays;
+    rti_path *path = r->paths;
+    unsigned i, k;
     for (i = 0; i < width; i++) right[i] = rti_steps(r->view.right, (float)(box[0] + (int)i) + dx);
     for (i = 0; i < height; i++) down[i] = rti_steps(r->view.down, (float)(box[1] + (int)i) + dy);
-    for (i = 0; i < count; i++) {
-        const unsigned x = rti_unzip(i), y = rti_unzip(i >> 1);
-        rt_ray *ray = &r->rays[n];
-        rti_path *path = &r->paths[n];
-        if (x >= width || y >= height) continue;
-        ray->org = r->view.eye;
-        ray->tmin = 0;
-        ray->dir = rti_add(r->view.corner, rti_add(right[x], down[y]));         /* the arithmetic of rti_view_ray */
-        ray->tmax = RTI_INFINITY;
-        path->weight = rti_vec3(1, 1, 1);
-        path->pixel = y * (unsigned)r->side + x;
-        path->medium = NULL;
-        n++;
+    for (i = 0; i < side * side / 4; i++) {
+        const unsigned left = 2 * rti_unzip(i), top = 2 * rti_unzip(i >> 1);
+        for (k = 0; k < 4; k++) {
+            const unsigned x = left + k % 2, y = top + k / 2;
+            if (x >= width || y >= height) continue;
+            ray->org = eye;
+            ray->tmin = 0;
+            ray->dir = rti_add(r->view.corner, rti_add(right[x], down[y]));     /* the arithmetic of rti_view_ray */
+            ray->tmax = RTI_INFINITY;
+            ray++;
+            path->weight = rti_vec3(1, 1, 1);
+            path->pixel = y * side + x;
+            path->medium = NULL;
+            path++;
+        }
     }
-    return n;
+    return (size_t)(ray - r->rays);
 }
 
 /* One sample of every pixel of a block, added to the sums. */
