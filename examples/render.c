@@ -65,6 +65,7 @@ typedef struct {
     int short_stack;                        /* entries of kd.shortstack; 0: its default */
     rt_cull cull;
     bool raster;                            /* rasterise eye rays */
+    bool shiny;                             /* materials of .mtl files as if their illum asked for all secondary rays */
     point eye, look, up, light;
     float fov;                              /* 0: the scene's */
     bool quiet, help;
@@ -156,6 +157,12 @@ static bool set_primary(options *o, const char *text)
     return o->raster || strcmp(text, "trace") == 0;
 }
 
+static bool set_illum(options *o, const char *text)
+{
+    o->shiny = strcmp(text, "all") == 0;
+    return o->shiny || strcmp(text, "file") == 0;
+}
+
 static bool set_algorithm(options *o, const char *text)
 {
     size_t i = 0;
@@ -185,6 +192,8 @@ static const struct {
     { "--short-stack", "N",      set_stack,     "entries of kd.shortstack (default 3)",              "1 to " TEXT(RT_MAX_SHORT_STACK) },
     { "--cull",      "NAME",     set_cull,      "frustum culling of packets (default none)",         "one of:" RT_CULL_LIST(LISTED) },
     { "--primary",   "NAME",     set_primary,   "eye rays: trace or raster (default trace)",         "one of: trace raster" },
+    { "--illum",     "NAME",     set_illum,     "what mirrors and lets pass: by the illum of a .mtl file, or all by Ks, d, Ni (default file)",
+      "one of: file all" },
     { "--threads",   "N",        set_threads,   "worker threads (default: all processors)",          "1 to " TEXT(MAX_THREADS) },
     { "--eye",       "X,Y,Z",    set_eye,       "where the camera stands (default: the scene's)",    "three numbers: X,Y,Z" },
     { "--look",      "X,Y,Z",    set_look,      "the point that it looks at",                        "three numbers: X,Y,Z" },
@@ -586,6 +595,7 @@ static bool render(options *o)
     rt_get_info(accel, &tree);
 
     view = scene_view(&loaded, accel);
+    if (o->shiny) view.materials = loaded.shiny_materials;
     if (!aim(o, &loaded, &view, lights)) goto cleanup;
     if (rt_check_scene(&view, &error) != RT_OK) { fail("%s: %s", o->scene_name, error.message); goto cleanup; }
     start = seconds_now();

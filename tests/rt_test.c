@@ -6019,6 +6019,9 @@ static void rtt_test_obj_materials(void)
         CHECK(loader_vec3(loader_material(0)->specular, 0.5f, 0.5f, 0.5f) && loader_vec3(loader_material(1)->specular, 0, 0, 0));
         CHECK(loader_vec3(loader_material(2)->diffuse, 0.1f, 0.1f, 0.1f));      /* the rest lets pass */
         CHECK(loader_vec3(loader_material(4)->diffuse, 0.1f, 0.1f, 0.1f) && loader_vec3(loader_material(4)->specular, 1, 1, 1));
+        CHECK(loader_vec3(loader.s.shiny_materials[loader.s.material_ids[0]].reflect, 0.5f, 0.5f, 0.5f));       /* as if illum were 6: */
+        CHECK(loader_vec3(loader.s.shiny_materials[loader.s.material_ids[0]].transmit, 0.8f, 0, 0));
+        CHECK(loader.s.shiny_materials[loader.s.material_ids[0]].ior == 1.5f && loader.s.shiny_materials[loader.s.material_ids[4]].fresnel);
         CHECK(loader.s.warnings == 4 && strstr(loader.s.warning, "w.mtl:43: d: 1.5 is above 1, which is used"));
         loader_unload();
     }
