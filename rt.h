@@ -3293,7 +3293,7 @@ typedef enum {
 
 #define RTI_ABREAST 8
 
-typedef struct { float lane[RTI_LANE_COUNT][RTI_ABREAST]; } RTI_ALIGNED(32) rti_surfaces;
+typedef struct { float lanes[RTI_LANE_COUNT * RTI_ABREAST]; } RTI_ALIGNED(32) rti_surfaces;     /* number k of surface i at 8 k + i */
 
 /* count surfaces; what is behind them in their last rti_surfaces is read and written too. */
 typedef void (*rti_finish_function)(rti_surfaces *s, size_t count);
@@ -4206,7 +4206,7 @@ RTI_INLINE rt_vec3 rti_blend(const rt_hit *hit, const rt_vec3 *a, const rt_vec3 
 }
 
 /* The numbers of surface i stand RTI_ABREAST apart from there. */
-RTI_INLINE float *rti_lanes(rti_surfaces *s, size_t i) { return s[i / RTI_ABREAST].lane[0] + i % RTI_ABREAST; }
+RTI_INLINE float *rti_lanes(rti_surfaces *s, size_t i) { return s[i / RTI_ABREAST].lanes + i % RTI_ABREAST; }
 
 RTI_INLINE void rti_put(float *lanes, int lane, rt_vec3 v)
 {
@@ -6434,7 +6434,7 @@ RTI_NOINLINE RTI_TARGET void rti_finish(rti_surfaces *s, size_t count)
 {
     size_t at;
     for (at = 0; at < count; at += RTI_WIDTH) {
-        float *const lanes = s[at / RTI_ABREAST].lane[0] + at % RTI_ABREAST;
+        float *const lanes = s[at / RTI_ABREAST].lanes + at % RTI_ABREAST;
         rti_v point[3], view[3], geometric[3], normal[3], offset, reach, size;
         int k;
         rti_vload3(lanes, RTI_POINT, point);
@@ -6465,7 +6465,7 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, rt_vec3 ligh
     const rti_v place[3] = { rti_vset(light.x), rti_vset(light.y), rti_vset(light.z) }, zero = rti_vset(0);
     size_t at;
     for (at = 0; at < count; at += RTI_WIDTH) {
-        float *const lanes = s[at / RTI_ABREAST].lane[0] + at % RTI_ABREAST;
+        float *const lanes = s[at / RTI_ABREAST].lanes + at % RTI_ABREAST;
         rti_v point[3], view[3], geometric[3], normal[3], to[3], cosine, mirrored;
         unsigned before;
         int k;

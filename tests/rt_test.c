@@ -4447,7 +4447,7 @@ static void rtt_test_render_bounded(void)
    and with blocks of either size. */
 static void rtt_test_render_ways(void)
 {
-    enum { WIDTH = 53, HEIGHT = 41, PIXELS = WIDTH * HEIGHT };
+    enum { WIDTH = 37, HEIGHT = 34, PIXELS = WIDTH * HEIGHT };
     static const int sides[] = { 7, 16, 20, 32, 64 };
     static rt_vec3 want[PIXELS], got[PIXELS];
     rtt_stage stage;
