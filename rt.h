@@ -457,14 +457,14 @@ typedef struct {
 typedef struct { uint64_t primary, shadow, reflect, refract; } rt_ray_counts;
 
 /* Renders the pixels [x0,x1) x [y0,y1) of the picture to pixels, which holds the whole picture row by row (linear RGB): so tiles may
-   be rendered by any threads in any order, and the picture is the same, with any algorithm too. rays may be NULL; counts are added to
-   it. Threads may share scene and opt, but not what is written: rays, opt->trace.error and opt->trace.stats.
-   Tiles that start and end at multiples of 32 pixels are the fastest. A ray that could add less than 1/512 of what it sees to its pixel
-   is left out, which bounds the rays of a pixel to 1536 a level, and a few hundred in all with two mirrors or a glass.
+   be rendered by any threads in any order, with any algorithm, and the picture is the same. rays may be NULL; counts are added to it.
+   Threads may share scene and opt, but not what is written: rays, opt->trace.error and opt->trace.stats. Tiles that start and end at
+   multiples of 32 pixels are the fastest.
+   A ray whose part of its pixel is below 1/512 in every channel is left out. So a sample has at most 1536 rays a level, whatever the
+   materials, and some hundreds in all behind surfaces that reflect one half and transmit the other.
    Errors as rt_trace; RT_ERROR_ARGUMENT where opt->raster is of another camera, size or number of primitives. Eye rays that are rasterised
-   are counted in rays, not in opt->trace.stats. No allocation; 92 KiB of stack, 380 KiB
-   where opt->trace.packet_width is above 16, which draws blocks of 32 x 32 instead of 16 x 16 pixels; 52 KiB more with raster, 7 KiB
-   more a level of instances. */
+   are counted in rays, not in opt->trace.stats. No allocation. Stack: 104 KiB for blocks of 16 x 16 pixels, 370 KiB for those of 32 x 32
+   that an opt->trace.packet_width above 16 asks for; 40 KiB more with raster, 7 KiB more a level of instances. */
 RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *opt, int x0, int y0, int x1, int y1, rt_vec3 *pixels,
                                 rt_ray_counts *rays);
 
@@ -4190,8 +4190,6 @@ typedef struct {
     int group_count;
 } rti_render;
 
-static rt_vec3 rti_vertex(const float *v) { return rti_vec3(v[0], v[1], v[2]); }
-
 RTI_INLINE const float *rti_corner(const rt_geometry *geo, size_t corner)
 {
     const size_t stride = geo->vertex_stride ? geo->vertex_stride : 3 * sizeof(float), i = geo->indices ? geo->indices[corner] : corner;
@@ -4259,6 +4257,8 @@ RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *h
 }
 
 #if RTI_INSTANCES
+static rt_vec3 rti_vertex(const float *v) { return rti_vec3(v[0], v[1], v[2]); }
+
 /* By the transpose of inverse; of unit length. */
 static rt_vec3 rti_world_normal(const float inverse[12], rt_vec3 n)
 {
@@ -4457,8 +4457,8 @@ static void rti_bounce(rti_render *r, int level)
             reflect = rti_add(reflect, rti_scale(transmit, mirrored));
             through = rti_mul(path->weight, rti_scale(transmit, 1 - mirrored));
             if (open && rti_counts(through))
-                rti_wait(r, base + most + refracted++, rti_sub(org, rti_scale(geometric, 2 * lanes[RTI_OFFSET * RTI_ABREAST])), bent, through,
-                         path->pixel, r->inside[at] ? NULL : material);
+                rti_wait(r, base + most + refracted++, rti_sub(org, rti_scale(geometric, 2 * lanes[RTI_OFFSET * RTI_ABREAST])), bent,
+                         through, path->pixel, r->inside[at] ? NULL : material);
         }
         reflect = rti_mul(reflect, path->weight);
         if (rti_counts(reflect)) rti_wait(r, base + reflected++, org, mirror, reflect, path->pixel, path->medium);
@@ -4672,7 +4672,8 @@ RT_API rt_status rt_check_scene(const rt_scene *scene, rt_error *error)
                               rti_is_amount(m->shininess), rti_is_amount(m->ior) };
         for (k = 0; k < sizeof good / sizeof good[0]; k++)
             if (!good[k])
-                return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "material %lu: %s is negative or not finite", (unsigned long)i, names[k]);
+                return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "material %lu: %s is negative or not finite", (unsigned long)i,
+                                names[k]);
     }
     for (i = 0; i < scene->light_count; i++) {
         if (!(rti_largest(scene->lights[i].position) <= RT_MAX_COORDINATE) || scene->lights[i].position.y != scene->lights[i].position.y)
@@ -6376,6 +6377,7 @@ RTI_NOINLINE RTI_TARGET void rti_cover(const rt_raster *r, const rti_block *b)
 
 #define rti_vsqrt RTI_NAME_(rti_vsqrt)
 #define rti_vdot RTI_NAME_(rti_vdot)
+#define rti_vlargest RTI_NAME_(rti_vlargest)
 #define rti_vunit RTI_NAME_(rti_vunit)
 #define rti_vflip RTI_NAME_(rti_vflip)
 #define rti_vload3 RTI_NAME_(rti_vload3)
@@ -6398,11 +6400,13 @@ RTI_FN rti_v rti_vdot(const rti_v a[3], const rti_v b[3])
     return rti_vadd(rti_vadd(rti_vround(rti_vmul(a[0], b[0])), rti_vround(rti_vmul(a[1], b[1]))), rti_vround(rti_vmul(a[2], b[2])));
 }
 
+RTI_FN rti_v rti_vlargest(const rti_v a[3]) { return rti_vmax(rti_vmax(rti_vabs(a[0]), rti_vabs(a[1])), rti_vabs(a[2])); }
+
 /* As rti_normalize. */
 RTI_FN void rti_vunit(rti_v a[3])
 {
     const rti_v least = rti_vset(FLT_MIN), one = rti_vset(1);
-    rti_v scale = rti_vdiv(one, rti_vmax(rti_vmax(rti_vabs(a[0]), rti_vabs(a[1])), rti_vmax(rti_vabs(a[2]), least)));
+    rti_v scale = rti_vdiv(one, rti_vmax(rti_vlargest(a), least));
     int k;
     for (k = 0; k < 3; k++) a[k] = rti_vmul(a[k], scale);
     scale = rti_vdiv(one, rti_vsqrt(rti_vmax(rti_vdot(a, a), least)));
@@ -6441,9 +6445,9 @@ RTI_NOINLINE RTI_TARGET void rti_finish(rti_surfaces *s, size_t count)
         rti_vload3(lanes, RTI_VIEW, view);
         rti_vload3(lanes, RTI_GEOMETRIC, geometric);
         rti_vload3(lanes, RTI_NORMAL, normal);
-        size = rti_vmax(rti_vmax(rti_vabs(point[0]), rti_vabs(point[1])), rti_vabs(point[2]));
-        reach = rti_vmul(rti_vload(lanes + RTI_OFFSET * RTI_ABREAST), rti_vmax(rti_vmax(rti_vabs(view[0]), rti_vabs(view[1])), rti_vabs(view[2])));
-        offset = rti_vmul(rti_vadd(size, rti_vround(reach)), rti_vset(3e-6f));      /* some 50 rounding errors of the numbers that made point */
+        reach = rti_vmul(rti_vload(lanes + RTI_OFFSET * RTI_ABREAST), rti_vlargest(view));
+        size = rti_vadd(rti_vlargest(point), rti_vround(reach));
+        offset = rti_vmul(size, rti_vset(3e-6f));       /* some 50 rounding errors of the numbers that made point */
         for (k = 0; k < 3; k++) view[k] = rti_vsub(rti_vset(0), view[k]);
         rti_vunit(view);
         rti_vunit(geometric);
@@ -6486,6 +6490,7 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, rt_vec3 ligh
 
 #undef rti_vsqrt
 #undef rti_vdot
+#undef rti_vlargest
 #undef rti_vunit
 #undef rti_vflip
 #undef rti_vload3

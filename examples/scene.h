@@ -2104,7 +2104,8 @@ static void sn_add_chequers(sn_builder *b, float y, float half, int count, const
 /* A closed box, its faces turned outwards; turned by an angle around y. */
 static void sn_add_box(sn_builder *b, rt_vec3 center, rt_vec3 half, float turn)
 {
-    static const unsigned char faces[6][4] = { { 0, 4, 6, 2 }, { 1, 3, 7, 5 }, { 0, 1, 5, 4 }, { 2, 6, 7, 3 }, { 0, 2, 3, 1 }, { 4, 5, 7, 6 } };
+    static const unsigned char faces[6][4] = { { 0, 4, 6, 2 }, { 1, 3, 7, 5 }, { 0, 1, 5, 4 }, { 2, 6, 7, 3 }, { 0, 2, 3, 1 },
+                                               { 4, 5, 7, 6 } };
     const float c = cosf(turn), s = sinf(turn);
     rt_vec3 corners[8], face[4];
     int i, k;
@@ -2215,7 +2216,8 @@ static void sn_make(sn_builder *b)
 
     while (i < rows && (strlen(sn_procedurals[i].name) != length || strncmp(sn_procedurals[i].name, name, length) != 0)) i++;
     if (i == rows) {
-        sn_fail(b, "neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N, mirrors:N, glass:N");
+        sn_fail(b, "neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N, mirrors:N, "
+                "glass:N");
         return;
     }
     if (!colon) {
