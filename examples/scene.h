@@ -2136,7 +2136,7 @@ static void sn_make_mirrors(sn_builder *b, uint64_t size)
 
     sn_set_background(b, sn_vec3(0.02f, 0.02f, 0.03f));
     b->ambient = sn_vec3(0.15f, 0.15f, 0.16f);
-    sn_set_camera(b, sn_vec3(-0.8f, 1.9f, half - 0.2f), sn_vec3(1.1f, 0.9f, half - 4.5f), sn_vec3(0, 1, 0), 60);
+    sn_set_camera(b, sn_vec3(-2.6f, 1.7f, half - 0.3f), sn_vec3(0.5f, 0.9f, half - 3.2f), sn_vec3(0, 1, 0), 60);
     for (i = 0; i < 2; i++) sn_add_light(b, sn_vec3(0, 2.8f, i ? -half / 2 : half / 2), sn_vec3(0.42f, 0.41f, 0.38f));
     for (i = 0; i < size; i++)
         for (k = 0; k < 3 && !b->no_memory; k++) {
