@@ -4190,12 +4190,6 @@ typedef struct {
     int group_count;
 } rti_render;
 
-RTI_INLINE const float *rti_corner(const rt_geometry *geo, size_t corner)
-{
-    const size_t stride = geo->vertex_stride ? geo->vertex_stride : 3 * sizeof(float), i = geo->indices ? geo->indices[corner] : corner;
-    return (const float *)(const void *)((const char *)geo->vertices + i * stride);
-}
-
 /* The mean of three vectors by the weights of a hit; in one expression a component, which the compiler keeps in registers. */
 RTI_INLINE rt_vec3 rti_blend(const rt_hit *hit, const rt_vec3 *a, const rt_vec3 *b, const rt_vec3 *c)
 {
@@ -4224,10 +4218,11 @@ RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *h
 {
     static const rt_material grey = { { 0.7f, 0.7f, 0.7f }, { 0, 0, 0 }, { 0, 0, 0 }, 1, { 0, 0, 0 }, { 0, 0, 0 }, { 0, 0, 0 }, 1, false };
     const rt_geometry *geo = scene->geometry;
-    RT_ASSERT(!scene->material_count || !scene->material_ids || scene->material_ids[hit->prim] < scene->material_count);
     if (hit->prim < geo->triangle_count) {
-        const size_t corner = 3 * (size_t)hit->prim;
-        const float *p = rti_corner(geo, corner), *q = rti_corner(geo, corner + 1), *r = rti_corner(geo, corner + 2);
+        const size_t corner = 3 * (size_t)hit->prim, stride = geo->vertex_stride ? geo->vertex_stride / sizeof(float) : 3;
+        const uint32_t *v = geo->indices ? geo->indices + corner : NULL;
+        const float *p = geo->vertices + (v ? v[0] : corner) * stride, *q = geo->vertices + (v ? v[1] : corner + 1) * stride;
+        const float *r = geo->vertices + (v ? v[2] : corner + 2) * stride;
         const rt_vec3 flat = rti_cross(rti_vec3(q[0] - p[0], q[1] - p[1], q[2] - p[2]), rti_vec3(r[0] - p[0], r[1] - p[1], r[2] - p[2]));
         rti_put(lanes, RTI_GEOMETRIC, flat);
         rti_put(lanes, RTI_NORMAL, flat);
@@ -4238,11 +4233,9 @@ RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *h
                 if (smooth.x != 0 || smooth.y != 0 || smooth.z != 0) rti_put(lanes, RTI_NORMAL, smooth);
             }
         }
-        if (scene->colors) {
-            const uint32_t *v = geo->indices ? geo->indices + corner : NULL;
+        if (scene->colors)
             *tint = rti_mul(*tint, rti_blend(hit, &scene->colors[v ? v[0] : corner], &scene->colors[v ? v[1] : corner + 1],
                                              &scene->colors[v ? v[2] : corner + 2]));
-        }
     }
 #if RTI_SPHERES
     else {
@@ -4302,11 +4295,6 @@ static bool rti_counts(rt_vec3 weight)      /* false for NaN */
 
 static float rti_positive(float x) { return x > 0 ? x : 0; }        /* of NaN: 0 */
 
-static bool rti_is_shiny(const rt_material *m)        /* true for NaN */
-{
-    return m->reflect.x + m->reflect.y + m->reflect.z + m->transmit.x + m->transmit.y + m->transmit.z != 0;
-}
-
 /* How much of the light is left after that length. */
 static rt_vec3 rti_dim(rt_vec3 absorb, float length)
 {
@@ -4317,6 +4305,8 @@ static rt_vec3 rti_dim(rt_vec3 absorb, float length)
 static size_t rti_look_at(rti_render *r, size_t n, bool last)
 {
     const rt_scene *scene = r->scene;
+    const rt_material *known = NULL;        /* neighbours tend to have the same: what is asked of it once */
+    bool shiny = false, glows = false;
     size_t i, seen = 0;
     r->shiny_count = 0;
     for (i = 0; i < n; i++) {
@@ -4343,19 +4333,24 @@ static size_t rti_look_at(rti_render *r, size_t n, bool last)
 #endif
             material = rti_look_up(scene, hit, point, lanes, tint);
         r->materials[seen] = material;
-        if (path->medium || rti_is_shiny(material)) {
-            const bool transmits = rti_any(material->transmit);
+        if (material != known) {
+            known = material;
+            shiny = rti_any(material->reflect) || rti_any(material->transmit);
+            glows = rti_any(material->emission);
+        }
+        if (shiny || path->medium) {
             r->inside[seen] = rti_dot(rti_get(lanes, RTI_GEOMETRIC), ray->dir) > 0;
-            if (r->inside[seen] && transmits) path->medium = material;
+            if (r->inside[seen] && rti_any(material->transmit)) path->medium = material;
             if (path->medium && rti_any(path->medium->absorb)) {
                 const rt_vec3 left = rti_dim(path->medium->absorb, hit->t * sqrtf(rti_dot(ray->dir, ray->dir)));
                 path->weight = rti_mul(path->weight, left);
                 *tint = rti_mul(*tint, left);
             }
-            if (!last && (transmits || rti_any(material->reflect))) r->shiny[r->shiny_count++] = (unsigned short)seen;
+            if (shiny && !last) r->shiny[r->shiny_count++] = (unsigned short)seen;
         }
         *tint = rti_mul(*tint, material->diffuse);
-        *sum = rti_add(*sum, rti_add(rti_mul(path->weight, material->emission), rti_mul(*tint, scene->ambient)));
+        rti_add_to(sum, *tint, scene->ambient);
+        if (glows) rti_add_to(sum, path->weight, material->emission);
         seen++;
     }
     return seen;
