@@ -439,9 +439,9 @@ typedef struct rt_scene {
     const struct rt_scene *const *parts;    /* one an instance: how to shade what it shows (accel, geometry, normals, materials, parts) */
 } rt_scene;
 
-/* Checks what rt_render_tile takes for granted, in O(size of scene): numbers of materials and lights are finite and not negative, ids and
-   indices are in range, every instance has a part. RT_ERROR_ARGUMENT says which is not. Parts are scenes of their own, to be checked by
-   themselves. Without it a bad number makes bad pixels, no worse; a bad id reads what is not there. */
+/* Checks what rt_render_tile takes for granted, in O(size of scene): numbers of materials and lights are finite and not negative, material
+   ids are in range, every instance has a part. RT_ERROR_ARGUMENT says what is not. Parts are scenes of their own, to be checked by
+   themselves. Unchecked, a bad number makes bad pixels and no worse, a bad id reads what is not there. error may be NULL. */
 RT_API rt_status rt_check_scene(const rt_scene *scene, rt_error *error);
 
 typedef struct {
@@ -4369,6 +4369,7 @@ static void rti_light_up(rti_render *r, size_t seen)
             const float *lanes = rti_lanes(r->surfaces, i);
             rt_ray *ray = &r->rays[m];
             if (!(lanes[RTI_COSINE * RTI_ABREAST] > 0)) continue;
+            if (!rti_any(r->tints[i]) && !(lanes[RTI_HIGHLIGHT * RTI_ABREAST] > 0 && rti_any(r->materials[i]->specular))) continue;
             ray->org = rti_get(lanes, RTI_POINT);
             ray->tmin = 0;
             ray->dir = rti_get(lanes, RTI_TO_LIGHT);
