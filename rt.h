@@ -4473,14 +4473,16 @@ static void rti_bounce(rti_render *r, int level)
     }
 }
 
-/* Takes the next batch from the stack, leaving space for what follows: each of its rays, which frees one place, may send two. Of the places
-   that are free, each level still to come gets an equal part, so at least one: at first there are as many as levels. */
+/* Takes the next batch from the stack. Each of its rays frees one place and may send two, so a batch takes at most half of the places that
+   are free, and leaves one for each level still to come: there are more at first, and so always enough for one ray. */
 static size_t rti_take(rti_render *r)
 {
     rti_group *top = &r->groups[r->group_count - 1];
-    const size_t more = (size_t)(r->depth - top->level), most = (size_t)r->side * (size_t)r->side;
-    size_t count = top->count < most ? top->count : most;
-    if (more && count > (r->waiting_space - r->waiting_count) / more) count = (r->waiting_space - r->waiting_count) / more;
+    const size_t more = (size_t)(r->depth - top->level), space = r->waiting_space - r->waiting_count;
+    size_t count = top->count, most = (size_t)r->side * (size_t)r->side;
+    if (more && most > (space + 1) / 2) most = (space + 1) / 2;
+    if (more && most > space - (more - 1)) most = space - (more - 1);
+    if (count > most) count = most;
     RT_ASSERT(count > 0);
     top->count -= count;
     if (!top->count) r->group_count--;

@@ -4395,6 +4395,8 @@ static void rtt_test_render_depth(void)
     rtt_stage_quad(&stage, rtt_v(-50, -50, -1), rtt_v(100, 0, 0), rtt_v(0, 100, 0), 0);
     rtt_stage_quad(&stage, rtt_v(-50, -50, 1), rtt_v(0, 100, 0), rtt_v(100, 0, 0), 0);
     rtt_stage_build(&stage);
+    stage.scene.light_count = 1;            /* of which nothing would be seen: no shadow ray */
+    stage.light.color = rtt_gray(1);
     stage.scene.camera = (rt_camera){ { 0, 0, 0 }, { 0, 0, -1 }, { 0, 1, 0 }, 20 };
     for (size_t c = 0; c < RTT_COUNT(cases); c++) {
         const rt_ray_counts counts = rtt_draw(&stage.scene, SIDE, SIDE, cases[c].depth, pixels);
