@@ -4288,12 +4288,16 @@ static void rti_add_to(rt_vec3 *sum, rt_vec3 a, rt_vec3 b) { *sum = rti_add(*sum
 
 static bool rti_any(rt_vec3 a) { return a.x > 0 || a.y > 0 || a.z > 0; }
 
-static bool rti_counts(rt_vec3 weight)      /* false for NaN */
+static bool rti_shows(rt_vec3 weight)      /* false for NaN */
 {
     return weight.x >= RTI_LEAST_WEIGHT || weight.y >= RTI_LEAST_WEIGHT || weight.z >= RTI_LEAST_WEIGHT;
 }
 
 static float rti_positive(float x) { return x > 0 ? x : 0; }        /* of NaN: 0 */
+
+/* What is left of a beside b where together they exceed 1. */
+static float rti_part(float a, float b) { return a + rti_positive(b) > 1 ? a / (a + rti_positive(b)) : rti_positive(a); }
+static rt_vec3 rti_share(rt_vec3 a, rt_vec3 b) { return rti_vec3(rti_part(a.x, b.x), rti_part(a.y, b.y), rti_part(a.z, b.z)); }
 
 /* How much of the light is left after that length. */
 static rt_vec3 rti_dim(rt_vec3 absorb, float length)
@@ -4429,15 +4433,8 @@ static void rti_bounce(rti_render *r, int level)
         const rti_path *path = &r->paths[at];
         const float *lanes = rti_lanes(r->surfaces, at);
         const rt_vec3 view = rti_get(lanes, RTI_VIEW), geometric = rti_get(lanes, RTI_GEOMETRIC), org = rti_get(lanes, RTI_POINT);
-        rt_vec3 normal = rti_get(lanes, RTI_NORMAL), mirror, through, reflect, transmit, bent;
-        float *to = &reflect.x, *behind = &transmit.x, mirrored = 1;
-        const float *part = &material->reflect.x, *rest = &material->transmit.x;
-        int k;
-        for (k = 0; k < 3; k++) {
-            const float sum = rti_positive(part[k]) + rti_positive(rest[k]), scale = sum > 1 ? 1 / sum : 1;
-            to[k] = rti_positive(part[k]) * scale;
-            behind[k] = rti_positive(rest[k]) * scale;
-        }
+        const rt_vec3 transmit = rti_share(material->transmit, material->reflect);
+        rt_vec3 reflect = rti_share(material->reflect, material->transmit), normal = rti_get(lanes, RTI_NORMAL), mirror, through, bent;
         /* A shading normal that sends the ray to the wrong side of the surface gives way to the geometric one. */
         mirror = rti_sub(rti_scale(normal, 2 * rti_dot(normal, view)), view);
         if (!(rti_dot(normal, view) > 0) || !(rti_dot(mirror, geometric) > 0)) {
@@ -4446,18 +4443,19 @@ static void rti_bounce(rti_render *r, int level)
         }
         if (rti_any(transmit)) {
             const float ior = material->ior > 0 ? material->ior : 1, eta = r->inside[at] ? ior : 1 / ior;
+            float mirrored;
             bool open = rti_bend(view, normal, eta, &bent, &mirrored);
             if (open && !(rti_dot(bent, geometric) < 0)) open = rti_bend(view, geometric, eta, &bent, &mirrored);
             if (!open) mirrored = 1;
             else if (!material->fresnel) mirrored = 0;
             reflect = rti_add(reflect, rti_scale(transmit, mirrored));
             through = rti_mul(path->weight, rti_scale(transmit, 1 - mirrored));
-            if (open && rti_counts(through))
+            if (open && rti_shows(through))
                 rti_wait(r, base + most + refracted++, rti_sub(org, rti_scale(geometric, 2 * lanes[RTI_OFFSET * RTI_ABREAST])), bent,
                          through, path->pixel, r->inside[at] ? NULL : material);
         }
         reflect = rti_mul(reflect, path->weight);
-        if (rti_counts(reflect)) rti_wait(r, base + reflected++, org, mirror, reflect, path->pixel, path->medium);
+        if (rti_shows(reflect)) rti_wait(r, base + reflected++, org, mirror, reflect, path->pixel, path->medium);
     }
     if (reflected < most) {
         memmove(r->waiting_rays + base + reflected, r->waiting_rays + base + most, refracted * sizeof *r->waiting_rays);
