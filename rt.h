@@ -444,9 +444,9 @@ typedef struct rt_scene {
     const struct rt_scene *const *parts;    /* one an instance: how to shade what it shows (accel, geometry, normals, materials, parts) */
 } rt_scene;
 
-/* Checks what rt_render_tile takes for granted, in O(size of scene): numbers of materials and lights are finite and not negative, ids and
-   indices are in range, every instance has a part. RT_ERROR_ARGUMENT says which is not. Parts are scenes of their own, to be checked by
-   themselves. Without it a bad number makes bad pixels, no worse; a bad id reads what is not there. */
+/* Checks what rt_render_tile takes for granted, in O(size of scene): numbers of materials and lights are finite and not negative, material
+   ids are in range, every instance has a part. RT_ERROR_ARGUMENT says what is not. Parts are scenes of their own, to be checked by
+   themselves. Unchecked, a bad number makes bad pixels and no worse, a bad id reads what is not there. error may be NULL. */
 RT_API rt_status rt_check_scene(const rt_scene *scene, rt_error *error);
 
 typedef struct {
@@ -462,14 +462,14 @@ typedef struct {
 typedef struct { uint64_t primary, shadow, reflect, refract; } rt_ray_counts;
 
 /* Renders the pixels [x0,x1) x [y0,y1) of the picture to pixels, which holds the whole picture row by row (linear RGB): so tiles may
-   be rendered by any threads in any order, and the picture is the same, with any algorithm too. rays may be NULL; counts are added to
-   it. Threads may share scene and opt, but not what is written: rays, opt->trace.error and opt->trace.stats.
-   Tiles that start and end at multiples of 32 pixels are the fastest. A ray that could add less than 1/512 of what it sees to its pixel
-   is left out, which bounds the rays of a pixel to 1536 a level, and a few hundred in all with two mirrors or a glass.
+   be rendered by any threads in any order, with any algorithm, and the picture is the same. rays may be NULL; counts are added to it.
+   Threads may share scene and opt, but not what is written: rays, opt->trace.error and opt->trace.stats. Tiles that start and end at
+   multiples of 32 pixels are the fastest.
+   A ray whose part of its pixel is below 1/512 in every channel is left out. So a sample has at most 1536 rays a level, whatever the
+   materials, and some hundreds in all behind surfaces that reflect one half and transmit the other.
    Errors as rt_trace; RT_ERROR_ARGUMENT where opt->raster is of another camera, size or number of primitives. Eye rays that are rasterised
-   are counted in rays, not in opt->trace.stats. No allocation; 92 KiB of stack, 380 KiB
-   where opt->trace.packet_width is above 16, which draws blocks of 32 x 32 instead of 16 x 16 pixels; 52 KiB more with raster, 7 KiB
-   more a level of instances. */
+   are counted in rays, not in opt->trace.stats. No allocation. Stack: 104 KiB for blocks of 16 x 16 pixels, 370 KiB for those of 32 x 32
+   that an opt->trace.packet_width above 16 asks for; 40 KiB more with raster, 7 KiB more a level of instances. */
 RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *opt, int x0, int y0, int x1, int y1, rt_vec3 *pixels,
                                 rt_ray_counts *rays);
 
@@ -3304,7 +3304,7 @@ typedef enum {
 
 #define RTI_ABREAST 8
 
-typedef struct { float lane[RTI_LANE_COUNT][RTI_ABREAST]; } RTI_ALIGNED(32) rti_surfaces;
+typedef struct { float lanes[RTI_LANE_COUNT * RTI_ABREAST]; } RTI_ALIGNED(32) rti_surfaces;     /* number k of surface i at 8 k + i */
 
 /* count surfaces; what is behind them in their last rti_surfaces is read and written too. */
 typedef void (*rti_finish_function)(rti_surfaces *s, size_t count);
@@ -4209,14 +4209,6 @@ typedef struct {
     int group_count;
 } rti_render;
 
-static rt_vec3 rti_vertex(const float *v) { return rti_vec3(v[0], v[1], v[2]); }
-
-RTI_INLINE const float *rti_corner(const rt_geometry *geo, size_t corner)
-{
-    const size_t stride = geo->vertex_stride ? geo->vertex_stride : 3 * sizeof(float), i = geo->indices ? geo->indices[corner] : corner;
-    return (const float *)(const void *)((const char *)geo->vertices + i * stride);
-}
-
 /* The mean of three vectors by the weights of a hit; in one expression a component, which the compiler keeps in registers. */
 RTI_INLINE rt_vec3 rti_blend(const rt_hit *hit, const rt_vec3 *a, const rt_vec3 *b, const rt_vec3 *c)
 {
@@ -4225,7 +4217,7 @@ RTI_INLINE rt_vec3 rti_blend(const rt_hit *hit, const rt_vec3 *a, const rt_vec3 
 }
 
 /* The numbers of surface i stand RTI_ABREAST apart from there. */
-RTI_INLINE float *rti_lanes(rti_surfaces *s, size_t i) { return s[i / RTI_ABREAST].lane[0] + i % RTI_ABREAST; }
+RTI_INLINE float *rti_lanes(rti_surfaces *s, size_t i) { return s[i / RTI_ABREAST].lanes + i % RTI_ABREAST; }
 
 RTI_INLINE void rti_put(float *lanes, int lane, rt_vec3 v)
 {
@@ -4245,10 +4237,11 @@ RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *h
 {
     static const rt_material grey = { { 0.7f, 0.7f, 0.7f }, { 0, 0, 0 }, { 0, 0, 0 }, 1, { 0, 0, 0 }, { 0, 0, 0 }, { 0, 0, 0 }, 1, false };
     const rt_geometry *geo = scene->geometry;
-    RT_ASSERT(!scene->material_count || !scene->material_ids || scene->material_ids[hit->prim] < scene->material_count);
     if (hit->prim < geo->triangle_count) {
-        const size_t corner = 3 * (size_t)hit->prim;
-        const float *p = rti_corner(geo, corner), *q = rti_corner(geo, corner + 1), *r = rti_corner(geo, corner + 2);
+        const size_t corner = 3 * (size_t)hit->prim, stride = geo->vertex_stride ? geo->vertex_stride / sizeof(float) : 3;
+        const uint32_t *v = geo->indices ? geo->indices + corner : NULL;
+        const float *p = geo->vertices + (v ? v[0] : corner) * stride, *q = geo->vertices + (v ? v[1] : corner + 1) * stride;
+        const float *r = geo->vertices + (v ? v[2] : corner + 2) * stride;
         const rt_vec3 flat = rti_cross(rti_vec3(q[0] - p[0], q[1] - p[1], q[2] - p[2]), rti_vec3(r[0] - p[0], r[1] - p[1], r[2] - p[2]));
         rti_put(lanes, RTI_GEOMETRIC, flat);
         rti_put(lanes, RTI_NORMAL, flat);
@@ -4259,11 +4252,9 @@ RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *h
                 if (smooth.x != 0 || smooth.y != 0 || smooth.z != 0) rti_put(lanes, RTI_NORMAL, smooth);
             }
         }
-        if (scene->colors) {
-            const uint32_t *v = geo->indices ? geo->indices + corner : NULL;
+        if (scene->colors)
             *tint = rti_mul(*tint, rti_blend(hit, &scene->colors[v ? v[0] : corner], &scene->colors[v ? v[1] : corner + 1],
                                              &scene->colors[v ? v[2] : corner + 2]));
-        }
     }
 #if RTI_SPHERES
     else {
@@ -4278,6 +4269,8 @@ RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *h
 }
 
 #if RTI_INSTANCES
+static rt_vec3 rti_vertex(const float *v) { return rti_vec3(v[0], v[1], v[2]); }
+
 /* By the transpose of inverse; of unit length. */
 static rt_vec3 rti_world_normal(const float inverse[12], rt_vec3 n)
 {
@@ -4314,17 +4307,16 @@ static void rti_add_to(rt_vec3 *sum, rt_vec3 a, rt_vec3 b) { *sum = rti_add(*sum
 
 static bool rti_any(rt_vec3 a) { return a.x > 0 || a.y > 0 || a.z > 0; }
 
-static bool rti_counts(rt_vec3 weight)      /* false for NaN */
+static bool rti_shows(rt_vec3 weight)      /* false for NaN */
 {
     return weight.x >= RTI_LEAST_WEIGHT || weight.y >= RTI_LEAST_WEIGHT || weight.z >= RTI_LEAST_WEIGHT;
 }
 
 static float rti_positive(float x) { return x > 0 ? x : 0; }        /* of NaN: 0 */
 
-static bool rti_is_shiny(const rt_material *m)        /* true for NaN */
-{
-    return m->reflect.x + m->reflect.y + m->reflect.z + m->transmit.x + m->transmit.y + m->transmit.z != 0;
-}
+/* What is left of a beside b where together they exceed 1. */
+static float rti_part(float a, float b) { return a + rti_positive(b) > 1 ? a / (a + rti_positive(b)) : rti_positive(a); }
+static rt_vec3 rti_share(rt_vec3 a, rt_vec3 b) { return rti_vec3(rti_part(a.x, b.x), rti_part(a.y, b.y), rti_part(a.z, b.z)); }
 
 /* How much of the light is left after that length. */
 static rt_vec3 rti_dim(rt_vec3 absorb, float length)
@@ -4336,6 +4328,8 @@ static rt_vec3 rti_dim(rt_vec3 absorb, float length)
 static size_t rti_look_at(rti_render *r, size_t n, bool last)
 {
     const rt_scene *scene = r->scene;
+    const rt_material *known = NULL;        /* neighbours tend to have the same: what is asked of it once */
+    bool shiny = false, glows = false;
     size_t i, seen = 0;
     r->shiny_count = 0;
     for (i = 0; i < n; i++) {
@@ -4362,19 +4356,24 @@ static size_t rti_look_at(rti_render *r, size_t n, bool last)
 #endif
             material = rti_look_up(scene, hit, point, lanes, tint);
         r->materials[seen] = material;
-        if (path->medium || rti_is_shiny(material)) {
-            const bool transmits = rti_any(material->transmit);
+        if (material != known) {
+            known = material;
+            shiny = rti_any(material->reflect) || rti_any(material->transmit);
+            glows = rti_any(material->emission);
+        }
+        if (shiny || path->medium) {
             r->inside[seen] = rti_dot(rti_get(lanes, RTI_GEOMETRIC), ray->dir) > 0;
-            if (r->inside[seen] && transmits) path->medium = material;
+            if (r->inside[seen] && rti_any(material->transmit)) path->medium = material;
             if (path->medium && rti_any(path->medium->absorb)) {
                 const rt_vec3 left = rti_dim(path->medium->absorb, hit->t * sqrtf(rti_dot(ray->dir, ray->dir)));
                 path->weight = rti_mul(path->weight, left);
                 *tint = rti_mul(*tint, left);
             }
-            if (!last && (transmits || rti_any(material->reflect))) r->shiny[r->shiny_count++] = (unsigned short)seen;
+            if (shiny && !last) r->shiny[r->shiny_count++] = (unsigned short)seen;
         }
         *tint = rti_mul(*tint, material->diffuse);
-        *sum = rti_add(*sum, rti_add(rti_mul(path->weight, material->emission), rti_mul(*tint, scene->ambient)));
+        rti_add_to(sum, *tint, scene->ambient);
+        if (glows) rti_add_to(sum, path->weight, material->emission);
         seen++;
     }
     return seen;
@@ -4393,6 +4392,7 @@ static void rti_light_up(rti_render *r, size_t seen)
             const float *lanes = rti_lanes(r->surfaces, i);
             rt_ray *ray = &r->rays[m];
             if (!(lanes[RTI_COSINE * RTI_ABREAST] > 0)) continue;
+            if (!rti_any(r->tints[i]) && !(lanes[RTI_HIGHLIGHT * RTI_ABREAST] > 0 && rti_any(r->materials[i]->specular))) continue;
             ray->org = rti_get(lanes, RTI_POINT);
             ray->tmin = 0;
             ray->dir = rti_get(lanes, RTI_TO_LIGHT);
@@ -4452,15 +4452,8 @@ static void rti_bounce(rti_render *r, int level)
         const rti_path *path = &r->paths[at];
         const float *lanes = rti_lanes(r->surfaces, at);
         const rt_vec3 view = rti_get(lanes, RTI_VIEW), geometric = rti_get(lanes, RTI_GEOMETRIC), org = rti_get(lanes, RTI_POINT);
-        rt_vec3 normal = rti_get(lanes, RTI_NORMAL), mirror, through, reflect, transmit, bent;
-        float *to = &reflect.x, *behind = &transmit.x, mirrored = 1;
-        const float *part = &material->reflect.x, *rest = &material->transmit.x;
-        int k;
-        for (k = 0; k < 3; k++) {
-            const float sum = rti_positive(part[k]) + rti_positive(rest[k]), scale = sum > 1 ? 1 / sum : 1;
-            to[k] = rti_positive(part[k]) * scale;
-            behind[k] = rti_positive(rest[k]) * scale;
-        }
+        const rt_vec3 transmit = rti_share(material->transmit, material->reflect);
+        rt_vec3 reflect = rti_share(material->reflect, material->transmit), normal = rti_get(lanes, RTI_NORMAL), mirror, through, bent;
         /* A shading normal that sends the ray to the wrong side of the surface gives way to the geometric one. */
         mirror = rti_sub(rti_scale(normal, 2 * rti_dot(normal, view)), view);
         if (!(rti_dot(normal, view) > 0) || !(rti_dot(mirror, geometric) > 0)) {
@@ -4469,18 +4462,19 @@ static void rti_bounce(rti_render *r, int level)
         }
         if (rti_any(transmit)) {
             const float ior = material->ior > 0 ? material->ior : 1, eta = r->inside[at] ? ior : 1 / ior;
+            float mirrored;
             bool open = rti_bend(view, normal, eta, &bent, &mirrored);
             if (open && !(rti_dot(bent, geometric) < 0)) open = rti_bend(view, geometric, eta, &bent, &mirrored);
             if (!open) mirrored = 1;
             else if (!material->fresnel) mirrored = 0;
             reflect = rti_add(reflect, rti_scale(transmit, mirrored));
             through = rti_mul(path->weight, rti_scale(transmit, 1 - mirrored));
-            if (open && rti_counts(through))
-                rti_wait(r, base + most + refracted++, rti_sub(org, rti_scale(geometric, 2 * lanes[RTI_OFFSET * RTI_ABREAST])), bent, through,
-                         path->pixel, r->inside[at] ? NULL : material);
+            if (open && rti_shows(through))
+                rti_wait(r, base + most + refracted++, rti_sub(org, rti_scale(geometric, 2 * lanes[RTI_OFFSET * RTI_ABREAST])), bent,
+                         through, path->pixel, r->inside[at] ? NULL : material);
         }
         reflect = rti_mul(reflect, path->weight);
-        if (rti_counts(reflect)) rti_wait(r, base + reflected++, org, mirror, reflect, path->pixel, path->medium);
+        if (rti_shows(reflect)) rti_wait(r, base + reflected++, org, mirror, reflect, path->pixel, path->medium);
     }
     if (reflected < most) {
         memmove(r->waiting_rays + base + reflected, r->waiting_rays + base + most, refracted * sizeof *r->waiting_rays);
@@ -4496,14 +4490,16 @@ static void rti_bounce(rti_render *r, int level)
     }
 }
 
-/* Takes the next batch from the stack, leaving space for what follows: each of its rays, which frees one place, may send two. Of the places
-   that are free, each level still to come gets an equal part, so at least one: at first there are as many as levels. */
+/* Takes the next batch from the stack. Each of its rays frees one place and may send two, so a batch takes at most half of the places that
+   are free, and leaves one for each level still to come: there are more at first, and so always enough for one ray. */
 static size_t rti_take(rti_render *r)
 {
     rti_group *top = &r->groups[r->group_count - 1];
-    const size_t more = (size_t)(r->depth - top->level), most = (size_t)r->side * (size_t)r->side;
-    size_t count = top->count < most ? top->count : most;
-    if (more && count > (r->waiting_space - r->waiting_count) / more) count = (r->waiting_space - r->waiting_count) / more;
+    const size_t more = (size_t)(r->depth - top->level), space = r->waiting_space - r->waiting_count;
+    size_t count = top->count, most = (size_t)r->side * (size_t)r->side;
+    if (more && most > (space + 1) / 2) most = (space + 1) / 2;
+    if (more && most > space - (more - 1)) most = space - (more - 1);
+    if (count > most) count = most;
     RT_ASSERT(count > 0);
     top->count -= count;
     if (!top->count) r->group_count--;
@@ -4542,27 +4538,31 @@ static unsigned rti_unzip(unsigned code)
 /* The eye rays of a block through (dx, dy) of each pixel, in Morton order, so that those which follow each other are neighbours. */
 static size_t rti_look(rti_render *r, const int box[4], float dx, float dy)
 {
-    const unsigned width = (unsigned)(box[2] - box[0]), height = (unsigned)(box[3] - box[1]), count = (unsigned)(r->side * r->side);
+    const unsigned width = (unsigned)(box[2] - box[0]), height = (unsigned)(box[3] - box[1]), side = (unsigned)r->side;
+    const rt_vec3 eye = r->view.eye;
     rt_vec3 right[RTI_MAX_BLOCK], down[RTI_MAX_BLOCK];
-    size_t n = 0;
-    unsigned i;
+    rt_ray *ray = r->rays;
+    rti_path *path = r->paths;
+    unsigned i, k;
     for (i = 0; i < width; i++) right[i] = rti_steps(r->view.right, (float)(box[0] + (int)i) + dx);
     for (i = 0; i < height; i++) down[i] = rti_steps(r->view.down, (float)(box[1] + (int)i) + dy);
-    for (i = 0; i < count; i++) {
-        const unsigned x = rti_unzip(i), y = rti_unzip(i >> 1);
-        rt_ray *ray = &r->rays[n];
-        rti_path *path = &r->paths[n];
-        if (x >= width || y >= height) continue;
-        ray->org = r->view.eye;
-        ray->tmin = 0;
-        ray->dir = rti_add(r->view.corner, rti_add(right[x], down[y]));         /* the arithmetic of rti_view_ray */
-        ray->tmax = RTI_INFINITY;
-        path->weight = rti_vec3(1, 1, 1);
-        path->pixel = y * (unsigned)r->side + x;
-        path->medium = NULL;
-        n++;
+    for (i = 0; i < side * side / 4; i++) {
+        const unsigned left = 2 * rti_unzip(i), top = 2 * rti_unzip(i >> 1);
+        for (k = 0; k < 4; k++) {
+            const unsigned x = left + k % 2, y = top + k / 2;
+            if (x >= width || y >= height) continue;
+            ray->org = eye;
+            ray->tmin = 0;
+            ray->dir = rti_add(r->view.corner, rti_add(right[x], down[y]));     /* the arithmetic of rti_view_ray */
+            ray->tmax = RTI_INFINITY;
+            ray++;
+            path->weight = rti_vec3(1, 1, 1);
+            path->pixel = y * side + x;
+            path->medium = NULL;
+            path++;
+        }
     }
-    return n;
+    return (size_t)(ray - r->rays);
 }
 
 /* One sample of every pixel of a block, added to the sums. */
@@ -4687,7 +4687,8 @@ RT_API rt_status rt_check_scene(const rt_scene *scene, rt_error *error)
                               rti_is_amount(m->shininess), rti_is_amount(m->ior) };
         for (k = 0; k < sizeof good / sizeof good[0]; k++)
             if (!good[k])
-                return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "material %lu: %s is negative or not finite", (unsigned long)i, names[k]);
+                return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "material %lu: %s is negative or not finite", (unsigned long)i,
+                                names[k]);
     }
     for (i = 0; i < scene->light_count; i++) {
         if (!(rti_largest(scene->lights[i].position) <= RT_MAX_COORDINATE) || scene->lights[i].position.y != scene->lights[i].position.y)
@@ -7491,6 +7492,7 @@ RTI_NOINLINE RTI_TARGET void rti_cover(const rt_raster *r, const rti_block *b)
 
 #define rti_vsqrt RTI_NAME_(rti_vsqrt)
 #define rti_vdot RTI_NAME_(rti_vdot)
+#define rti_vlargest RTI_NAME_(rti_vlargest)
 #define rti_vunit RTI_NAME_(rti_vunit)
 #define rti_vflip RTI_NAME_(rti_vflip)
 #define rti_vload3 RTI_NAME_(rti_vload3)
@@ -7513,11 +7515,13 @@ RTI_FN rti_v rti_vdot(const rti_v a[3], const rti_v b[3])
     return rti_vadd(rti_vadd(rti_vround(rti_vmul(a[0], b[0])), rti_vround(rti_vmul(a[1], b[1]))), rti_vround(rti_vmul(a[2], b[2])));
 }
 
+RTI_FN rti_v rti_vlargest(const rti_v a[3]) { return rti_vmax(rti_vmax(rti_vabs(a[0]), rti_vabs(a[1])), rti_vabs(a[2])); }
+
 /* As rti_normalize. */
 RTI_FN void rti_vunit(rti_v a[3])
 {
     const rti_v least = rti_vset(FLT_MIN), one = rti_vset(1);
-    rti_v scale = rti_vdiv(one, rti_vmax(rti_vmax(rti_vabs(a[0]), rti_vabs(a[1])), rti_vmax(rti_vabs(a[2]), least)));
+    rti_v scale = rti_vdiv(one, rti_vmax(rti_vlargest(a), least));
     int k;
     for (k = 0; k < 3; k++) a[k] = rti_vmul(a[k], scale);
     scale = rti_vdiv(one, rti_vsqrt(rti_vmax(rti_vdot(a, a), least)));
@@ -7549,16 +7553,16 @@ RTI_NOINLINE RTI_TARGET void rti_finish(rti_surfaces *s, size_t count)
 {
     size_t at;
     for (at = 0; at < count; at += RTI_WIDTH) {
-        float *const lanes = s[at / RTI_ABREAST].lane[0] + at % RTI_ABREAST;
+        float *const lanes = s[at / RTI_ABREAST].lanes + at % RTI_ABREAST;
         rti_v point[3], view[3], geometric[3], normal[3], offset, reach, size;
         int k;
         rti_vload3(lanes, RTI_POINT, point);
         rti_vload3(lanes, RTI_VIEW, view);
         rti_vload3(lanes, RTI_GEOMETRIC, geometric);
         rti_vload3(lanes, RTI_NORMAL, normal);
-        size = rti_vmax(rti_vmax(rti_vabs(point[0]), rti_vabs(point[1])), rti_vabs(point[2]));
-        reach = rti_vmul(rti_vload(lanes + RTI_OFFSET * RTI_ABREAST), rti_vmax(rti_vmax(rti_vabs(view[0]), rti_vabs(view[1])), rti_vabs(view[2])));
-        offset = rti_vmul(rti_vadd(size, rti_vround(reach)), rti_vset(3e-6f));      /* some 50 rounding errors of the numbers that made point */
+        reach = rti_vmul(rti_vload(lanes + RTI_OFFSET * RTI_ABREAST), rti_vlargest(view));
+        size = rti_vadd(rti_vlargest(point), rti_vround(reach));
+        offset = rti_vmul(size, rti_vset(3e-6f));       /* some 50 rounding errors of the numbers that made point */
         for (k = 0; k < 3; k++) view[k] = rti_vsub(rti_vset(0), view[k]);
         rti_vunit(view);
         rti_vunit(geometric);
@@ -7580,7 +7584,7 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, rt_vec3 ligh
     const rti_v place[3] = { rti_vset(light.x), rti_vset(light.y), rti_vset(light.z) }, zero = rti_vset(0);
     size_t at;
     for (at = 0; at < count; at += RTI_WIDTH) {
-        float *const lanes = s[at / RTI_ABREAST].lane[0] + at % RTI_ABREAST;
+        float *const lanes = s[at / RTI_ABREAST].lanes + at % RTI_ABREAST;
         rti_v point[3], view[3], geometric[3], normal[3], to[3], cosine, mirrored;
         unsigned before;
         int k;
@@ -7601,6 +7605,7 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, rt_vec3 ligh
 
 #undef rti_vsqrt
 #undef rti_vdot
+#undef rti_vlargest
 #undef rti_vunit
 #undef rti_vflip
 #undef rti_vload3
