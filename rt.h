@@ -345,6 +345,18 @@ RT_API bool rt_occluded(const rt_accel *accel, const rt_ray *ray);
    then untouched. */
 RT_API rt_status rt_trace(const rt_accel *accel, const rt_trace_options *opt, const rt_ray *rays, size_t count, rt_hit *hits);
 
+/* The same from and to structures of arrays: element i of each array belongs to ray i. Lanes are loaded as they stand, without a transpose,
+   and what is not wanted is not written. */
+typedef struct {
+    const float *org[3], *dir[3];           /* x, y, z */
+    const float *tmin, *tmax;               /* NULL: all 0; all infinite */
+    bool one_org;                           /* org has one element, the origin of all rays */
+} rt_ray_arrays;
+typedef struct { float *t, *u, *v; uint32_t *prim, *inst; } rt_hit_arrays;      /* each may be NULL */
+
+RT_API rt_status rt_trace_arrays(const rt_accel *accel, const rt_trace_options *opt, const rt_ray_arrays *rays, size_t count,
+                                 const rt_hit_arrays *hits);
+
 /* The instruction set that RT_ISA_AUTO picks here. */
 RT_API rt_isa rt_best_isa(void);
 
@@ -482,6 +494,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define RTI_IMPLEMENTED
 
 #include <float.h>
+#include <limits.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -3160,6 +3173,12 @@ typedef struct { uint64_t unused; } rt_stats;
 #define RTI_TALLY(stats, flags, field, n) ((void)0)
 #endif
 
+/* What RT_AUTO learns, see rti_batch_auto: ticks of a ray, by RT_BVH_SIMD and by large packets; 0: not tried. */
+typedef struct {
+    float cost[2];
+    unsigned trials, rest;                  /* rest: packets until the next trial is done, which are the last two; 0: now */
+} rti_tuner;
+
 /* One call of rt_trace, resolved. */
 typedef struct {
     rt_query query;
@@ -3169,6 +3188,9 @@ typedef struct {
     rt_algorithm large;                     /* of large packets: how BVHs are walked, */
     int side;                               /* rays a side, */
     rt_cull cull;                           /* and by what they are culled */
+    rti_tuner *tuner;                       /* of RT_AUTO: what is known of rays like these; NULL: nothing yet */
+    const rt_ray_arrays *from;              /* rt_trace_arrays: in the place of rays and hits */
+    const rt_hit_arrays *to;
 } rti_job;
 
 typedef void (*rti_batch_function)(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits);
@@ -3178,6 +3200,34 @@ static void rti_set_miss(rt_hit *hit)
     hit->t = RTI_INFINITY;
     hit->u = hit->v = 0;
     hit->prim = hit->inst = RT_NONE;
+}
+
+#define RTI_AUTO_RAYS 256u                  /* of a packet of RT_AUTO: 16 x 16 */
+#define RTI_TRIALS 64                       /* packets from one trial of RT_AUTO to the next; a quarter of it at first */
+
+/* A clock that costs nothing to read, in units of its own; 0: there is none. */
+RTI_INLINE uint64_t rti_ticks(void)
+{
+#if RTI_X86
+    return __rdtsc();
+#elif defined(__aarch64__) && defined(__GNUC__)
+    uint64_t ticks;
+    __asm__ volatile("mrs %0, cntvct_el0" : "=r"(ticks));
+    return ticks;
+#else
+    return 0;
+#endif
+}
+
+/* A trial has taken ticks a ray. Means at first, which then fade slowly; a trial that something else has interrupted counts little. */
+static void rti_learn(rti_tuner *tuner, bool large, float ticks)
+{
+    float *cost = &tuner->cost[large];
+    const float weight = tuner->trials < 8 ? 1 / (float)(tuner->trials + 1) : 0.125f;
+    if (tuner->trials && ticks > 2 * *cost) ticks = 2 * *cost;
+    *cost += weight * (ticks - *cost);
+    if (large) tuner->rest = 1;
+    else tuner->rest = ++tuner->trials < 4 ? RTI_TRIALS / 4 : RTI_TRIALS;
 }
 
 /* The i-th primitive of a leaf: i itself, or what slots says; see rti_kdnode. */
@@ -3412,6 +3462,17 @@ static rti_batch_function rti_batch_of(rt_algorithm algorithm, int width, rt_isa
     return NULL;
 }
 
+#if RTI_PACKETS
+static rti_batch_function rti_auto_of(rt_isa isa)
+{
+#if RTI_X86
+    if (isa == RT_ISA_AVX2 || (isa == RT_ISA_AUTO && rt_best_isa() == RT_ISA_AVX2)) return rti_batch_auto_8;
+#endif
+    (void)isa;
+    return rti_batch_auto_4;
+}
+#endif
+
 static size_t rti_widths(rt_algorithm algorithm, rt_isa isa, int *widths, size_t max)
 {
     static const int all[] = { 1, 2, 4, 8, 16, RT_MAX_PACKET };
@@ -3439,14 +3500,14 @@ RT_API const char *rt_status_string(rt_status status)
 
 RT_API bool rt_intersect(const rt_accel *accel, const rt_ray *ray, rt_hit *hit)
 {
-    static const rti_job job = { RT_CLOSEST, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE };
+    static const rti_job job = { RT_CLOSEST, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, NULL, NULL };
     rti_batch_of(RT_AUTO, 1, RT_ISA_AUTO)(accel, &job, ray, 1, hit);
     return hit->prim != RT_NONE;
 }
 
 RT_API bool rt_occluded(const rt_accel *accel, const rt_ray *ray)
 {
-    static const rti_job job = { RT_ANY, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE };
+    static const rti_job job = { RT_ANY, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, NULL, NULL };
     rt_hit hit;
     rti_batch_of(RT_AUTO, 1, RT_ISA_AUTO)(accel, &job, ray, 1, &hit);
     return hit.prim != RT_NONE;
@@ -3510,6 +3571,10 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
     n = rti_widths(opt->algorithm, opt->isa, widths, 8);
     width = opt->packet_width ? opt->packet_width : RTI_LARGE(opt->algorithm) ? 16 : opt->algorithm == RT_AUTO && count < 4 ? 1 : widths[n - 1];
     *batch = rti_batch_of(opt->algorithm, width, opt->isa);
+#if RTI_PACKETS
+    if (opt->algorithm == RT_AUTO && !opt->packet_width && accel->structure == RT_BVH && count >= RTI_AUTO_RAYS / 4)
+        *batch = rti_auto_of(opt->isa);
+#endif
     if (!*batch) {
         char list[64];
         size_t used = 0;
@@ -3528,23 +3593,52 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
     job->large = opt->algorithm;
     job->side = width;
     job->cull = opt->cull;
+    job->tuner = NULL;
+    job->from = NULL;
+    job->to = NULL;
+    return RT_OK;
+}
+
+static const rt_trace_options rti_trace_defaults;
+
+static rt_status rti_check_call(const rt_accel *accel, const rt_trace_options *opt, size_t count)
+{
+    if (!accel) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "accel is NULL");
+    if (count > SIZE_MAX / 2 / sizeof(rt_ray)) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "count is negative, or too large");
     return RT_OK;
 }
 
 RT_API rt_status rt_trace(const rt_accel *accel, const rt_trace_options *opt, const rt_ray *rays, size_t count, rt_hit *hits)
 {
-    rt_trace_options defaults;
     rti_batch_function batch;
     rti_job job;
     rt_status status;
-    if (!opt) {
-        memset(&defaults, 0, sizeof defaults);
-        opt = &defaults;
-    }
-    if (!accel) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "accel is NULL");
+    if (!opt) opt = &rti_trace_defaults;
+    if ((status = rti_check_call(accel, opt, count)) != RT_OK) return status;
     if (count && (!rays || !hits)) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", rays ? "hits" : "rays");
     if ((status = rti_choose(accel, opt, count, &batch, &job)) != RT_OK) return status;
     batch(accel, &job, rays, count, hits);
+    return RT_OK;
+}
+
+RT_API rt_status rt_trace_arrays(const rt_accel *accel, const rt_trace_options *opt, const rt_ray_arrays *rays, size_t count,
+                                 const rt_hit_arrays *hits)
+{
+    static const char axes[] = "xyz";
+    rti_batch_function batch;
+    rti_job job;
+    rt_status status;
+    int k;
+    if (!opt) opt = &rti_trace_defaults;
+    if ((status = rti_check_call(accel, opt, count)) != RT_OK) return status;
+    if (!rays || !hits) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", rays ? "hits" : "rays");
+    for (k = 0; k < 3 && count; k++)
+        if (!rays->org[k] || !rays->dir[k])
+            return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "rays lack their %s.%c", rays->org[k] ? "dir" : "org", axes[k]);
+    if ((status = rti_choose(accel, opt, count, &batch, &job)) != RT_OK) return status;
+    job.from = rays;
+    job.to = hits;
+    batch(accel, &job, NULL, count, NULL);
     return RT_OK;
 }
 
@@ -4186,6 +4280,7 @@ typedef struct {
     rti_finish_function finish;
     rti_aim_function aim;
     rti_job job;
+    rti_tuner tuners[2][3];                 /* of closest and any hits; by the kind of ray that is traced, or lit */
     rti_view view;
     rt_ray_counts counts;
     int depth, spp, side;                   /* side: of a block, in pixels */
@@ -4380,11 +4475,12 @@ static size_t rti_look_at(rti_render *r, size_t n, bool last)
 }
 
 /* Adds what the lights make of the surfaces seen. */
-static void rti_light_up(rti_render *r, size_t seen)
+static void rti_light_up(rti_render *r, size_t seen, rti_kind_of_ray kind)
 {
     const rt_scene *scene = r->scene;
     size_t light, i, m;
     r->job.query = RT_ANY;
+    r->job.tuner = &r->tuners[1][kind];
     for (light = 0; light < scene->light_count; light++) {
         const rt_vec3 color = scene->lights[light].color;
         r->aim(r->surfaces, seen, scene->lights[light].position);
@@ -4568,6 +4664,7 @@ static size_t rti_look(rti_render *r, const int box[4], float dx, float dy)
 /* One sample of every pixel of a block, added to the sums. */
 static void rti_render_block(rti_render *r, const int box[4], int sample)
 {
+    rti_kind_of_ray kind = RTI_EYE;
     size_t n, seen, i;
     int level = 0;
     float dx, dy;
@@ -4581,16 +4678,17 @@ static void rti_render_block(rti_render *r, const int box[4], int sample)
     }
     for (;;) {
         r->job.query = RT_CLOSEST;
+        r->job.tuner = &r->tuners[0][kind];
         if (level || !r->raster) r->batch(r->scene->accel, &r->job, r->rays, n, r->hits);
         seen = rti_look_at(r, n, level == r->depth);
         r->finish(r->surfaces, seen);
-        rti_light_up(r, seen);
+        rti_light_up(r, seen, kind);
         if (r->shiny_count) rti_bounce(r, level + 1);
         if (!r->group_count) return;
         level = r->groups[r->group_count - 1].level;
-        i = r->groups[r->group_count - 1].kind == RTI_REFLECT;
+        kind = r->groups[r->group_count - 1].kind;
         n = rti_take(r);
-        if (i) r->counts.reflect += n;
+        if (kind == RTI_REFLECT) r->counts.reflect += n;
         else r->counts.refract += n;
     }
 }
@@ -4759,6 +4857,8 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
     memset(&r, 0, sizeof r);
     if ((status = rti_choose(scene->accel, &opt->trace, RTI_BLOCK_RAYS, &r.batch, &r.job)) != RT_OK) return status;
     rti_choose_shaders(&r, opt->trace.isa);
+    r.tuners[0][RTI_EYE].cost[0] = 1;       /* a tile is too short to try what never was slower by much: eye rays go as large packets */
+    r.tuners[0][RTI_EYE].rest = UINT_MAX;
     r.scene = scene;
     r.raster = opt->raster;
     r.view = rti_make_view(&scene->camera, opt->width, opt->height);
@@ -4930,6 +5030,11 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_give_hits RTI_NAME_(rti_give_hits)
 #define rti_fetch RTI_NAME_(rti_fetch)
 #define rti_batch_packets RTI_NAME_(rti_batch_packets)
+#define rti_no_hits RTI_NAME_(rti_no_hits)
+#define rti_take_lanes RTI_NAME_(rti_take_lanes)
+#define rti_give_lanes RTI_NAME_(rti_give_lanes)
+#define rti_batch_run RTI_NAME_(rti_batch_run)
+#define rti_batch_auto RTI_NAME_(rti_batch_auto)
 #define rti_batch_large RTI_NAME_(rti_batch_large)
 #define rti_batch_largest RTI_NAME_(rti_batch_largest)
 #define rti_batch RTI_NAME_(rti_batch)
@@ -5272,6 +5377,10 @@ RTI_FN void rti_load_rays(const rt_ray *rays, rti_packet *p)
         p->t[i] = rays[i].tmax;
     }
 #endif
+}
+
+RTI_FN void rti_no_hits(rti_packet *p)
+{
     rti_vstore(p->u, rti_vset(0));
     rti_vstore(p->v, rti_vset(0));
     rti_vstore(p->prim.bits, rti_vset(0));
@@ -6985,27 +7094,71 @@ RTI_NOINLINE RTI_TARGET void rti_large_walk(const rt_accel *accel, rti_large *g,
 
 /* ---- >>batch -------------------------------------------------------------------------------------------------------- */
 
-/* Fills org, dir, tmin and t of p from n rays, at most RTI_WIDTH; answers their lanes. */
-RTI_FN unsigned rti_take_rays(const rt_ray *rays, int n, rti_packet *p)
+/* n floats from first on, at most RTI_WIDTH; the last of them again in the lanes that are left. */
+RTI_FN rti_v rti_take_lanes(const float *from, size_t first, int n)
 {
-    rt_ray padded[RTI_WIDTH];
+    float padded[RTI_WIDTH];
     int i;
-    if (n < RTI_WIDTH) {                    /* missing rays repeat the last and are not traced */
-        for (i = 0; i < RTI_WIDTH; i++) padded[i] = rays[i < n ? i : n - 1];
-        rays = padded;
-    }
-    rti_load_rays(rays, p);
+    if (n == RTI_WIDTH) return rti_vload(from + first);
+    for (i = 0; i < RTI_WIDTH; i++) padded[i] = from[first + (size_t)(i < n ? i : n - 1)];
+    return rti_vload(padded);
+}
+
+/* Fills p from n of a call's rays, at most RTI_WIDTH, from first on; answers their lanes. Missing rays repeat the last and are not traced. */
+RTI_FN unsigned rti_take_rays(const rti_job *job, const rt_ray *rays, size_t first, int n, rti_packet *p)
+{
+    const rt_ray_arrays *from = job->from;
+    if (from) {
+        int k;
+        RTI_UNROLL
+        for (k = 0; k < 3; k++) {
+            rti_vstore(p->org[k], from->one_org ? rti_vset(from->org[k][0]) : rti_take_lanes(from->org[k], first, n));
+            rti_vstore(p->dir[k], rti_take_lanes(from->dir[k], first, n));
+        }
+        rti_vstore(p->tmin, from->tmin ? rti_take_lanes(from->tmin, first, n) : rti_vset(0));
+        rti_vstore(p->t, from->tmax ? rti_take_lanes(from->tmax, first, n) : rti_vset(RTI_INFINITY));
+    } else if (n < RTI_WIDTH) {
+        rt_ray padded[RTI_WIDTH];
+        int i;
+        for (i = 0; i < RTI_WIDTH; i++) padded[i] = rays[first + (size_t)(i < n ? i : n - 1)];
+        rti_load_rays(padded, p);
+    } else rti_load_rays(rays + first, p);
+    rti_no_hits(p);
     return RTI_ALL_LANES >> (RTI_WIDTH - n);
 }
 
-/* The hits of n lanes, RTI_WIDTH or fewer. Lanes that have found nothing still have u = v = prim = inst = 0; with RT_ANY all have. */
-RTI_FN void rti_give_hits(const rti_packet *p, unsigned found, int n, bool any, rt_hit *hits)
+/* n lanes of a to to from first on, where they are wanted. */
+RTI_FN void rti_give_lanes(void *to, size_t first, int n, rti_v a)
 {
+    float row[RTI_WIDTH];
+    if (!to) return;
+    if (n == RTI_WIDTH) {
+        rti_vstore((float *)to + first, a);
+        return;
+    }
+    rti_vstore(row, a);
+    memcpy((float *)to + first, row, (size_t)n * sizeof(float));
+}
+
+/* The hits of n lanes, from first on. Lanes that have found nothing still have u = v = prim = inst = 0; with RT_ANY all have. */
+RTI_FN void rti_give_hits(const rti_job *job, const rti_packet *p, unsigned found, rt_hit *hits, size_t first, int n)
+{
+    const bool any = job->query == RT_ANY;
+    const rt_hit_arrays *to = job->to;
     const rti_v none = rti_vid(RT_NONE);
     const rti_v t = rti_vselect(found, any ? rti_vset(0) : rti_vload(p->t), rti_vset(RTI_INFINITY));
     const rti_v prim = rti_vselect(found, rti_vload(p->prim.bits), none), inst = any ? none : rti_vselect(found, rti_vload(p->inst.bits), none);
     float row[5][RTI_WIDTH];
     int i;
+    if (to) {
+        rti_give_lanes(to->t, first, n, t);
+        rti_give_lanes(to->u, first, n, rti_vload(p->u));
+        rti_give_lanes(to->v, first, n, rti_vload(p->v));
+        rti_give_lanes(to->prim, first, n, prim);
+        rti_give_lanes(to->inst, first, n, inst);
+        return;
+    }
+    hits += first;
     rti_vstore(row[4], inst);
 #if RTI_LANES == RTI_LANES_SSE2
     if (n == RTI_WIDTH) {                   /* t u v prim of a hit are stored at once: a transpose */
@@ -7049,18 +7202,22 @@ RTI_FN void rti_give_hits(const rti_packet *p, unsigned found, int n, bool any, 
     }
 }
 
-RTI_NOINLINE RTI_TARGET void rti_batch(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
+RTI_FN void rti_batch_run(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t first, size_t last, rt_hit *hits)
 {
-    size_t first;
-    for (first = 0; first < count; first += RTI_WIDTH) {
-        const int n = count - first < RTI_WIDTH ? (int)(count - first) : RTI_WIDTH;
+    for (; first < last; first += RTI_WIDTH) {
+        const int n = last - first < RTI_WIDTH ? (int)(last - first) : RTI_WIDTH;
         rti_packet p;
-        const unsigned live = rti_prepare(accel, &p, rti_take_rays(rays + first, n, &p), false);
+        const unsigned live = rti_prepare(accel, &p, rti_take_rays(job, rays, first, n, &p), false);
 #if RTI_STATS
         if (job->stats) job->stats->rays += (uint64_t)rti_bit_count(live);
 #endif
-        rti_give_hits(&p, rti_walk(accel, &p, live, RT_NONE, job), n, job->query == RT_ANY, hits + first);
+        rti_give_hits(job, &p, rti_walk(accel, &p, live, RT_NONE, job), hits, first, n);
     }
+}
+
+RTI_NOINLINE RTI_TARGET void rti_batch(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
+{
+    rti_batch_run(accel, job, rays, 0, count, hits);
 }
 
 #if RTI_WIDTH > 1
@@ -7074,18 +7231,19 @@ RTI_FN void rti_fetch(const rt_ray *rays, const rt_hit *hits)
     for (i = 0; i < RTI_WIDTH; i += 3) RTI_PREFETCH(hits + i);
 }
 
-RTI_FN void rti_batch_packets(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits, rti_packet *packets)
+/* The rays from first to last in packets of side x side. */
+RTI_FN void rti_batch_packets(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t first, size_t last, rt_hit *hits,
+                              rti_packet *packets)
 {
-    const size_t side = (size_t)job->side * (size_t)job->side;
-    size_t first;
+    const size_t size = (size_t)job->side * (size_t)job->side;
     rti_large g;
     g.rays = packets;
-    for (first = 0; first < count; first += side) {
-        const int n = count - first < side ? (int)(count - first) : (int)side;
+    for (; first < last; first += size) {
+        const int n = last - first < size ? (int)(last - first) : (int)size;
         int i;
         for (i = g.count = 0; i < n; i += RTI_WIDTH, g.count++) {
             rti_packet *p = &packets[g.count];
-            p->live = rti_take_rays(rays + first + i, n - i < RTI_WIDTH ? n - i : RTI_WIDTH, p);
+            p->live = rti_take_rays(job, rays, first + (size_t)i, n - i < RTI_WIDTH ? n - i : RTI_WIDTH, p);
             p->found = 0;
         }
         g.open = g.count;
@@ -7096,9 +7254,9 @@ RTI_FN void rti_batch_packets(const rt_accel *accel, const rti_job *job, const r
 #endif
         if (accel->node_count) rti_large_walk(accel, &g, RT_NONE, job);
         for (i = g.count = 0; i < n; i += RTI_WIDTH, g.count++) {
-            if (first + 3 * side < count) rti_fetch(rays + first + 2 * side + i, hits + first + side + i);
-            rti_give_hits(&packets[g.count], packets[g.count].found, n - i < RTI_WIDTH ? n - i : RTI_WIDTH, job->query == RT_ANY,
-                          hits + first + i);
+            const size_t at = first + (size_t)i;
+            if (at + 3 * size < last && !job->from) rti_fetch(rays + at + 2 * size, hits + at + size);
+            rti_give_hits(job, &packets[g.count], packets[g.count].found, hits, at, n - i < RTI_WIDTH ? n - i : RTI_WIDTH);
         }
     }
 }
@@ -7107,12 +7265,40 @@ RTI_FN void rti_batch_packets(const rt_accel *accel, const rti_job *job, const r
 RTI_NOINLINE RTI_TARGET void rti_batch_large(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
 {
     rti_packet packets[RTI_SIMD_RAYS / 4];
-    rti_batch_packets(accel, job, rays, count, hits, packets);
+    rti_batch_packets(accel, job, rays, 0, count, hits, packets);
 }
 RTI_NOINLINE RTI_TARGET void rti_batch_largest(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
 {
     rti_packet packets[RTI_SIMD_RAYS];
-    rti_batch_packets(accel, job, rays, count, hits, packets);
+    rti_batch_packets(accel, job, rays, 0, count, hits, packets);
+}
+
+/* RT_AUTO on a BVH. [Overbeck] Table 1 has Ranged with culling for rays that stay together, and here RT_BVH_SIMD is faster than Partition
+   for those that do not. Which they are is found by trying: of every RTI_TRIALS packets of 16 x 16 one goes as a large one and one
+   does not, by the clock, and the others as it was faster. Counts of nodes, boxes and triangles foretell the time within 40 % only,
+   since coherence is in the branches too. Hits do not tell how they were found; rt_stats would, so with them, as without a clock, large
+   packets are taken for closest hits alone. */
+RTI_NOINLINE RTI_TARGET void rti_batch_auto(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
+{
+    const bool timed = rti_ticks() && !job->stats;
+    rti_packet packets[RTI_SIMD_RAYS / 4];
+    rti_tuner fresh = { { 0, 0 }, 0, 0 }, *tuner = job->tuner ? job->tuner : &fresh;
+    rti_job part = *job;
+    size_t first, last;
+    part.large = RT_BVH_RANGED;
+    part.side = 16;
+    part.cull = RT_CULL_BOTH;
+    for (first = 0; first < count; first = last) {
+        const size_t left = count - first, most = !timed ? left : (size_t)(tuner->rest > 2 ? tuner->rest - 2 : 1) * RTI_AUTO_RAYS;
+        const bool few = left < RTI_AUTO_RAYS / 4, trial = timed && tuner->rest <= 2 && !few;   /* few: they cannot stay together */
+        const bool large = !few && (trial ? tuner->rest != 1 : timed ? tuner->cost[1] < tuner->cost[0] : job->query == RT_CLOSEST);
+        const uint64_t start = trial ? rti_ticks() : 0;
+        last = left < most ? count : first + most;
+        if (large) rti_batch_packets(accel, &part, rays, first, last, hits, packets);
+        else rti_batch_run(accel, &part, rays, first, last, hits);
+        if (trial) rti_learn(tuner, large, (float)(rti_ticks() - start) / (float)(last - first));
+        else if (timed && !few) tuner->rest -= (unsigned)((last - first + RTI_AUTO_RAYS - 1) / RTI_AUTO_RAYS);
+    }
 }
 #endif
 
@@ -7383,7 +7569,7 @@ RTI_NOINLINE RTI_TARGET void rti_cover_queue(const rt_raster *r, const rti_block
 #endif
 #if RTI_INSTANCES
         else if (count) {
-            static const rti_job job = { RT_CLOSEST, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE };
+            static const rti_job job = { RT_CLOSEST, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, NULL, NULL };
             const uint32_t number = (uint32_t)(prim - balls);
             for (i = 0; i < count; i++) {
                 k = chosen[i];
@@ -7426,6 +7612,7 @@ RTI_NOINLINE RTI_TARGET void rti_cover(const rt_raster *r, const rti_block *b)
         c.live[k] = c.found[k] = 0;
         if (!lanes) continue;
         rti_load_rays(b->rays + k * RTI_WIDTH, &c.packets[k]);
+        rti_no_hits(&c.packets[k]);
         c.live[k] = rti_prepare(&r->accel, &c.packets[k], lanes, false);
         for (i = 0; i < RTI_WIDTH; i++)
             if (!(c.live[k] >> i & 1)) c.packets[k].t[i] = -RTI_INFINITY;
@@ -7757,6 +7944,11 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, rt_vec3 ligh
 #undef rti_give_hits
 #undef rti_fetch
 #undef rti_batch_packets
+#undef rti_no_hits
+#undef rti_take_lanes
+#undef rti_give_lanes
+#undef rti_batch_run
+#undef rti_batch_auto
 #undef rti_batch_large
 #undef rti_batch_largest
 #undef rti_batch
