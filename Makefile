@@ -44,6 +44,8 @@ demo: $(B)/render $(B)/hello | out
 	$(B)/render terrain:2000000 -o out/terrain.ppm --size 1200x675 --spp 9
 	$(B)/render cloud:100000    -o out/cloud.ppm   --size 960x720  --spp 9
 	$(B)/render sphere:20000    -o out/sphere.ppm  --size 720x720  --spp 9
+	$(B)/render mirrors:4       -o out/mirrors.ppm --size 960x720  --spp 9 --depth 20
+	$(B)/render glass:4         -o out/glass.ppm   --size 960x720  --spp 9 --depth 10
 
 test: all
 	$(B)/rt_test

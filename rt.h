@@ -345,6 +345,18 @@ RT_API bool rt_occluded(const rt_accel *accel, const rt_ray *ray);
    then untouched. */
 RT_API rt_status rt_trace(const rt_accel *accel, const rt_trace_options *opt, const rt_ray *rays, size_t count, rt_hit *hits);
 
+/* The same from and to structures of arrays: element i of each array belongs to ray i. Lanes are loaded as they stand, without a transpose,
+   and what is not wanted is not written. */
+typedef struct {
+    const float *org[3], *dir[3];           /* x, y, z */
+    const float *tmin, *tmax;               /* NULL: all 0; all infinite */
+    bool one_org;                           /* org has one element, the origin of all rays */
+} rt_ray_arrays;
+typedef struct { float *t, *u, *v; uint32_t *prim, *inst; } rt_hit_arrays;      /* each may be NULL */
+
+RT_API rt_status rt_trace_arrays(const rt_accel *accel, const rt_trace_options *opt, const rt_ray_arrays *rays, size_t count,
+                                 const rt_hit_arrays *hits);
+
 /* The instruction set that RT_ISA_AUTO picks here. */
 RT_API rt_isa rt_best_isa(void);
 
@@ -444,9 +456,9 @@ typedef struct rt_scene {
     const struct rt_scene *const *parts;    /* one an instance: how to shade what it shows (accel, geometry, normals, materials, parts) */
 } rt_scene;
 
-/* Checks what rt_render_tile takes for granted, in O(size of scene): numbers of materials and lights are finite and not negative, ids and
-   indices are in range, every instance has a part. RT_ERROR_ARGUMENT says which is not. Parts are scenes of their own, to be checked by
-   themselves. Without it a bad number makes bad pixels, no worse; a bad id reads what is not there. */
+/* Checks what rt_render_tile takes for granted, in O(size of scene): numbers of materials and lights are finite and not negative, material
+   ids are in range, every instance has a part. RT_ERROR_ARGUMENT says what is not. Parts are scenes of their own, to be checked by
+   themselves. Unchecked, a bad number makes bad pixels and no worse, a bad id reads what is not there. error may be NULL. */
 RT_API rt_status rt_check_scene(const rt_scene *scene, rt_error *error);
 
 typedef struct {
@@ -462,14 +474,14 @@ typedef struct {
 typedef struct { uint64_t primary, shadow, reflect, refract; } rt_ray_counts;
 
 /* Renders the pixels [x0,x1) x [y0,y1) of the picture to pixels, which holds the whole picture row by row (linear RGB): so tiles may
-   be rendered by any threads in any order, and the picture is the same, with any algorithm too. rays may be NULL; counts are added to
-   it. Threads may share scene and opt, but not what is written: rays, opt->trace.error and opt->trace.stats.
-   Tiles that start and end at multiples of 32 pixels are the fastest. A ray that could add less than 1/512 of what it sees to its pixel
-   is left out, which bounds the rays of a pixel to 1536 a level, and a few hundred in all with two mirrors or a glass.
+   be rendered by any threads in any order, with any algorithm, and the picture is the same. rays may be NULL; counts are added to it.
+   Threads may share scene and opt, but not what is written: rays, opt->trace.error and opt->trace.stats. Tiles that start and end at
+   multiples of 32 pixels are the fastest.
+   A ray whose part of its pixel is below 1/512 in every channel is left out. So a sample has at most 1536 rays a level, whatever the
+   materials, and some hundreds in all behind surfaces that reflect one half and transmit the other.
    Errors as rt_trace; RT_ERROR_ARGUMENT where opt->raster is of another camera, size or number of primitives. Eye rays that are rasterised
-   are counted in rays, not in opt->trace.stats. No allocation; 92 KiB of stack, 380 KiB
-   where opt->trace.packet_width is above 16, which draws blocks of 32 x 32 instead of 16 x 16 pixels; 52 KiB more with raster, 7 KiB
-   more a level of instances. */
+   are counted in rays, not in opt->trace.stats. No allocation. Stack: 104 KiB for blocks of 16 x 16 pixels, 370 KiB for those of 32 x 32
+   that an opt->trace.packet_width above 16 asks for; 40 KiB more with raster, 7 KiB more a level of instances. */
 RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *opt, int x0, int y0, int x1, int y1, rt_vec3 *pixels,
                                 rt_ray_counts *rays);
 
@@ -482,6 +494,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define RTI_IMPLEMENTED
 
 #include <float.h>
+#include <limits.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -3160,6 +3173,12 @@ typedef struct { uint64_t unused; } rt_stats;
 #define RTI_TALLY(stats, flags, field, n) ((void)0)
 #endif
 
+/* What RT_AUTO learns, see rti_batch_auto: ticks of a ray, by RT_BVH_SIMD and by large packets; 0: not tried. */
+typedef struct {
+    float cost[2];
+    unsigned trials, rest;                  /* rest: packets until the next trial is done, which are the last two; 0: now */
+} rti_tuner;
+
 /* One call of rt_trace, resolved. */
 typedef struct {
     rt_query query;
@@ -3169,6 +3188,9 @@ typedef struct {
     rt_algorithm large;                     /* of large packets: how BVHs are walked, */
     int side;                               /* rays a side, */
     rt_cull cull;                           /* and by what they are culled */
+    rti_tuner *tuner;                       /* of RT_AUTO: what is known of rays like these; NULL: nothing yet */
+    const rt_ray_arrays *from;              /* rt_trace_arrays: in the place of rays and hits */
+    const rt_hit_arrays *to;
 } rti_job;
 
 typedef void (*rti_batch_function)(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits);
@@ -3178,6 +3200,34 @@ static void rti_set_miss(rt_hit *hit)
     hit->t = RTI_INFINITY;
     hit->u = hit->v = 0;
     hit->prim = hit->inst = RT_NONE;
+}
+
+#define RTI_AUTO_RAYS 256u                  /* of a packet of RT_AUTO: 16 x 16 */
+#define RTI_TRIALS 64                       /* packets from one trial of RT_AUTO to the next; a quarter of it at first */
+
+/* A clock that costs nothing to read, in units of its own; 0: there is none. */
+RTI_INLINE uint64_t rti_ticks(void)
+{
+#if RTI_X86
+    return __rdtsc();
+#elif defined(__aarch64__) && defined(__GNUC__)
+    uint64_t ticks;
+    __asm__ volatile("mrs %0, cntvct_el0" : "=r"(ticks));
+    return ticks;
+#else
+    return 0;
+#endif
+}
+
+/* A trial has taken ticks a ray. Means at first, which then fade slowly; a trial that something else has interrupted counts little. */
+static void rti_learn(rti_tuner *tuner, bool large, float ticks)
+{
+    float *cost = &tuner->cost[large];
+    const float weight = tuner->trials < 8 ? 1 / (float)(tuner->trials + 1) : 0.125f;
+    if (tuner->trials && ticks > 2 * *cost) ticks = 2 * *cost;
+    *cost += weight * (ticks - *cost);
+    if (large) tuner->rest = 1;
+    else tuner->rest = ++tuner->trials < 4 ? RTI_TRIALS / 4 : RTI_TRIALS;
 }
 
 /* The i-th primitive of a leaf: i itself, or what slots says; see rti_kdnode. */
@@ -3304,7 +3354,7 @@ typedef enum {
 
 #define RTI_ABREAST 8
 
-typedef struct { float lane[RTI_LANE_COUNT][RTI_ABREAST]; } RTI_ALIGNED(32) rti_surfaces;
+typedef struct { float lanes[RTI_LANE_COUNT * RTI_ABREAST]; } RTI_ALIGNED(32) rti_surfaces;     /* number k of surface i at 8 k + i */
 
 /* count surfaces; what is behind them in their last rti_surfaces is read and written too. */
 typedef void (*rti_finish_function)(rti_surfaces *s, size_t count);
@@ -3412,6 +3462,17 @@ static rti_batch_function rti_batch_of(rt_algorithm algorithm, int width, rt_isa
     return NULL;
 }
 
+#if RTI_PACKETS
+static rti_batch_function rti_auto_of(rt_isa isa)
+{
+#if RTI_X86
+    if (isa == RT_ISA_AVX2 || (isa == RT_ISA_AUTO && rt_best_isa() == RT_ISA_AVX2)) return rti_batch_auto_8;
+#endif
+    (void)isa;
+    return rti_batch_auto_4;
+}
+#endif
+
 static size_t rti_widths(rt_algorithm algorithm, rt_isa isa, int *widths, size_t max)
 {
     static const int all[] = { 1, 2, 4, 8, 16, RT_MAX_PACKET };
@@ -3439,14 +3500,14 @@ RT_API const char *rt_status_string(rt_status status)
 
 RT_API bool rt_intersect(const rt_accel *accel, const rt_ray *ray, rt_hit *hit)
 {
-    static const rti_job job = { RT_CLOSEST, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE };
+    static const rti_job job = { RT_CLOSEST, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, NULL, NULL };
     rti_batch_of(RT_AUTO, 1, RT_ISA_AUTO)(accel, &job, ray, 1, hit);
     return hit->prim != RT_NONE;
 }
 
 RT_API bool rt_occluded(const rt_accel *accel, const rt_ray *ray)
 {
-    static const rti_job job = { RT_ANY, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE };
+    static const rti_job job = { RT_ANY, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, NULL, NULL };
     rt_hit hit;
     rti_batch_of(RT_AUTO, 1, RT_ISA_AUTO)(accel, &job, ray, 1, &hit);
     return hit.prim != RT_NONE;
@@ -3510,6 +3571,10 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
     n = rti_widths(opt->algorithm, opt->isa, widths, 8);
     width = opt->packet_width ? opt->packet_width : RTI_LARGE(opt->algorithm) ? 16 : opt->algorithm == RT_AUTO && count < 4 ? 1 : widths[n - 1];
     *batch = rti_batch_of(opt->algorithm, width, opt->isa);
+#if RTI_PACKETS
+    if (opt->algorithm == RT_AUTO && !opt->packet_width && accel->structure == RT_BVH && count >= RTI_AUTO_RAYS / 4)
+        *batch = rti_auto_of(opt->isa);
+#endif
     if (!*batch) {
         char list[64];
         size_t used = 0;
@@ -3528,23 +3593,52 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
     job->large = opt->algorithm;
     job->side = width;
     job->cull = opt->cull;
+    job->tuner = NULL;
+    job->from = NULL;
+    job->to = NULL;
+    return RT_OK;
+}
+
+static const rt_trace_options rti_trace_defaults;
+
+static rt_status rti_check_call(const rt_accel *accel, const rt_trace_options *opt, size_t count)
+{
+    if (!accel) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "accel is NULL");
+    if (count > SIZE_MAX / 2 / sizeof(rt_ray)) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "count is negative, or too large");
     return RT_OK;
 }
 
 RT_API rt_status rt_trace(const rt_accel *accel, const rt_trace_options *opt, const rt_ray *rays, size_t count, rt_hit *hits)
 {
-    rt_trace_options defaults;
     rti_batch_function batch;
     rti_job job;
     rt_status status;
-    if (!opt) {
-        memset(&defaults, 0, sizeof defaults);
-        opt = &defaults;
-    }
-    if (!accel) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "accel is NULL");
+    if (!opt) opt = &rti_trace_defaults;
+    if ((status = rti_check_call(accel, opt, count)) != RT_OK) return status;
     if (count && (!rays || !hits)) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", rays ? "hits" : "rays");
     if ((status = rti_choose(accel, opt, count, &batch, &job)) != RT_OK) return status;
     batch(accel, &job, rays, count, hits);
+    return RT_OK;
+}
+
+RT_API rt_status rt_trace_arrays(const rt_accel *accel, const rt_trace_options *opt, const rt_ray_arrays *rays, size_t count,
+                                 const rt_hit_arrays *hits)
+{
+    static const char axes[] = "xyz";
+    rti_batch_function batch;
+    rti_job job;
+    rt_status status;
+    int k;
+    if (!opt) opt = &rti_trace_defaults;
+    if ((status = rti_check_call(accel, opt, count)) != RT_OK) return status;
+    if (!rays || !hits) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", rays ? "hits" : "rays");
+    for (k = 0; k < 3 && count; k++)
+        if (!rays->org[k] || !rays->dir[k])
+            return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "rays lack their %s.%c", rays->org[k] ? "dir" : "org", axes[k]);
+    if ((status = rti_choose(accel, opt, count, &batch, &job)) != RT_OK) return status;
+    job.from = rays;
+    job.to = hits;
+    batch(accel, &job, NULL, count, NULL);
     return RT_OK;
 }
 
@@ -4186,6 +4280,7 @@ typedef struct {
     rti_finish_function finish;
     rti_aim_function aim;
     rti_job job;
+    rti_tuner tuners[2][3];                 /* of closest and any hits; by the kind of ray that is traced, or lit */
     rti_view view;
     rt_ray_counts counts;
     int depth, spp, side;                   /* side: of a block, in pixels */
@@ -4209,14 +4304,6 @@ typedef struct {
     int group_count;
 } rti_render;
 
-static rt_vec3 rti_vertex(const float *v) { return rti_vec3(v[0], v[1], v[2]); }
-
-RTI_INLINE const float *rti_corner(const rt_geometry *geo, size_t corner)
-{
-    const size_t stride = geo->vertex_stride ? geo->vertex_stride : 3 * sizeof(float), i = geo->indices ? geo->indices[corner] : corner;
-    return (const float *)(const void *)((const char *)geo->vertices + i * stride);
-}
-
 /* The mean of three vectors by the weights of a hit; in one expression a component, which the compiler keeps in registers. */
 RTI_INLINE rt_vec3 rti_blend(const rt_hit *hit, const rt_vec3 *a, const rt_vec3 *b, const rt_vec3 *c)
 {
@@ -4225,7 +4312,7 @@ RTI_INLINE rt_vec3 rti_blend(const rt_hit *hit, const rt_vec3 *a, const rt_vec3 
 }
 
 /* The numbers of surface i stand RTI_ABREAST apart from there. */
-RTI_INLINE float *rti_lanes(rti_surfaces *s, size_t i) { return s[i / RTI_ABREAST].lane[0] + i % RTI_ABREAST; }
+RTI_INLINE float *rti_lanes(rti_surfaces *s, size_t i) { return s[i / RTI_ABREAST].lanes + i % RTI_ABREAST; }
 
 RTI_INLINE void rti_put(float *lanes, int lane, rt_vec3 v)
 {
@@ -4245,10 +4332,11 @@ RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *h
 {
     static const rt_material grey = { { 0.7f, 0.7f, 0.7f }, { 0, 0, 0 }, { 0, 0, 0 }, 1, { 0, 0, 0 }, { 0, 0, 0 }, { 0, 0, 0 }, 1, false };
     const rt_geometry *geo = scene->geometry;
-    RT_ASSERT(!scene->material_count || !scene->material_ids || scene->material_ids[hit->prim] < scene->material_count);
     if (hit->prim < geo->triangle_count) {
-        const size_t corner = 3 * (size_t)hit->prim;
-        const float *p = rti_corner(geo, corner), *q = rti_corner(geo, corner + 1), *r = rti_corner(geo, corner + 2);
+        const size_t corner = 3 * (size_t)hit->prim, stride = geo->vertex_stride ? geo->vertex_stride / sizeof(float) : 3;
+        const uint32_t *v = geo->indices ? geo->indices + corner : NULL;
+        const float *p = geo->vertices + (v ? v[0] : corner) * stride, *q = geo->vertices + (v ? v[1] : corner + 1) * stride;
+        const float *r = geo->vertices + (v ? v[2] : corner + 2) * stride;
         const rt_vec3 flat = rti_cross(rti_vec3(q[0] - p[0], q[1] - p[1], q[2] - p[2]), rti_vec3(r[0] - p[0], r[1] - p[1], r[2] - p[2]));
         rti_put(lanes, RTI_GEOMETRIC, flat);
         rti_put(lanes, RTI_NORMAL, flat);
@@ -4259,11 +4347,9 @@ RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *h
                 if (smooth.x != 0 || smooth.y != 0 || smooth.z != 0) rti_put(lanes, RTI_NORMAL, smooth);
             }
         }
-        if (scene->colors) {
-            const uint32_t *v = geo->indices ? geo->indices + corner : NULL;
+        if (scene->colors)
             *tint = rti_mul(*tint, rti_blend(hit, &scene->colors[v ? v[0] : corner], &scene->colors[v ? v[1] : corner + 1],
                                              &scene->colors[v ? v[2] : corner + 2]));
-        }
     }
 #if RTI_SPHERES
     else {
@@ -4278,6 +4364,8 @@ RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *h
 }
 
 #if RTI_INSTANCES
+static rt_vec3 rti_vertex(const float *v) { return rti_vec3(v[0], v[1], v[2]); }
+
 /* By the transpose of inverse; of unit length. */
 static rt_vec3 rti_world_normal(const float inverse[12], rt_vec3 n)
 {
@@ -4314,17 +4402,16 @@ static void rti_add_to(rt_vec3 *sum, rt_vec3 a, rt_vec3 b) { *sum = rti_add(*sum
 
 static bool rti_any(rt_vec3 a) { return a.x > 0 || a.y > 0 || a.z > 0; }
 
-static bool rti_counts(rt_vec3 weight)      /* false for NaN */
+static bool rti_shows(rt_vec3 weight)      /* false for NaN */
 {
     return weight.x >= RTI_LEAST_WEIGHT || weight.y >= RTI_LEAST_WEIGHT || weight.z >= RTI_LEAST_WEIGHT;
 }
 
 static float rti_positive(float x) { return x > 0 ? x : 0; }        /* of NaN: 0 */
 
-static bool rti_is_shiny(const rt_material *m)        /* true for NaN */
-{
-    return m->reflect.x + m->reflect.y + m->reflect.z + m->transmit.x + m->transmit.y + m->transmit.z != 0;
-}
+/* What is left of a beside b where together they exceed 1. */
+static float rti_part(float a, float b) { return a + rti_positive(b) > 1 ? a / (a + rti_positive(b)) : rti_positive(a); }
+static rt_vec3 rti_share(rt_vec3 a, rt_vec3 b) { return rti_vec3(rti_part(a.x, b.x), rti_part(a.y, b.y), rti_part(a.z, b.z)); }
 
 /* How much of the light is left after that length. */
 static rt_vec3 rti_dim(rt_vec3 absorb, float length)
@@ -4336,6 +4423,8 @@ static rt_vec3 rti_dim(rt_vec3 absorb, float length)
 static size_t rti_look_at(rti_render *r, size_t n, bool last)
 {
     const rt_scene *scene = r->scene;
+    const rt_material *known = NULL;        /* neighbours tend to have the same: what is asked of it once */
+    bool shiny = false, glows = false;
     size_t i, seen = 0;
     r->shiny_count = 0;
     for (i = 0; i < n; i++) {
@@ -4362,30 +4451,36 @@ static size_t rti_look_at(rti_render *r, size_t n, bool last)
 #endif
             material = rti_look_up(scene, hit, point, lanes, tint);
         r->materials[seen] = material;
-        if (path->medium || rti_is_shiny(material)) {
-            const bool transmits = rti_any(material->transmit);
+        if (material != known) {
+            known = material;
+            shiny = rti_any(material->reflect) || rti_any(material->transmit);
+            glows = rti_any(material->emission);
+        }
+        if (shiny || path->medium) {
             r->inside[seen] = rti_dot(rti_get(lanes, RTI_GEOMETRIC), ray->dir) > 0;
-            if (r->inside[seen] && transmits) path->medium = material;
+            if (r->inside[seen] && rti_any(material->transmit)) path->medium = material;
             if (path->medium && rti_any(path->medium->absorb)) {
                 const rt_vec3 left = rti_dim(path->medium->absorb, hit->t * sqrtf(rti_dot(ray->dir, ray->dir)));
                 path->weight = rti_mul(path->weight, left);
                 *tint = rti_mul(*tint, left);
             }
-            if (!last && (transmits || rti_any(material->reflect))) r->shiny[r->shiny_count++] = (unsigned short)seen;
+            if (shiny && !last) r->shiny[r->shiny_count++] = (unsigned short)seen;
         }
         *tint = rti_mul(*tint, material->diffuse);
-        *sum = rti_add(*sum, rti_add(rti_mul(path->weight, material->emission), rti_mul(*tint, scene->ambient)));
+        rti_add_to(sum, *tint, scene->ambient);
+        if (glows) rti_add_to(sum, path->weight, material->emission);
         seen++;
     }
     return seen;
 }
 
 /* Adds what the lights make of the surfaces seen. */
-static void rti_light_up(rti_render *r, size_t seen)
+static void rti_light_up(rti_render *r, size_t seen, rti_kind_of_ray kind)
 {
     const rt_scene *scene = r->scene;
     size_t light, i, m;
     r->job.query = RT_ANY;
+    r->job.tuner = &r->tuners[1][kind];
     for (light = 0; light < scene->light_count; light++) {
         const rt_vec3 color = scene->lights[light].color;
         r->aim(r->surfaces, seen, scene->lights[light].position);
@@ -4393,6 +4488,7 @@ static void rti_light_up(rti_render *r, size_t seen)
             const float *lanes = rti_lanes(r->surfaces, i);
             rt_ray *ray = &r->rays[m];
             if (!(lanes[RTI_COSINE * RTI_ABREAST] > 0)) continue;
+            if (!rti_any(r->tints[i]) && !(lanes[RTI_HIGHLIGHT * RTI_ABREAST] > 0 && rti_any(r->materials[i]->specular))) continue;
             ray->org = rti_get(lanes, RTI_POINT);
             ray->tmin = 0;
             ray->dir = rti_get(lanes, RTI_TO_LIGHT);
@@ -4452,15 +4548,8 @@ static void rti_bounce(rti_render *r, int level)
         const rti_path *path = &r->paths[at];
         const float *lanes = rti_lanes(r->surfaces, at);
         const rt_vec3 view = rti_get(lanes, RTI_VIEW), geometric = rti_get(lanes, RTI_GEOMETRIC), org = rti_get(lanes, RTI_POINT);
-        rt_vec3 normal = rti_get(lanes, RTI_NORMAL), mirror, through, reflect, transmit, bent;
-        float *to = &reflect.x, *behind = &transmit.x, mirrored = 1;
-        const float *part = &material->reflect.x, *rest = &material->transmit.x;
-        int k;
-        for (k = 0; k < 3; k++) {
-            const float sum = rti_positive(part[k]) + rti_positive(rest[k]), scale = sum > 1 ? 1 / sum : 1;
-            to[k] = rti_positive(part[k]) * scale;
-            behind[k] = rti_positive(rest[k]) * scale;
-        }
+        const rt_vec3 transmit = rti_share(material->transmit, material->reflect);
+        rt_vec3 reflect = rti_share(material->reflect, material->transmit), normal = rti_get(lanes, RTI_NORMAL), mirror, through, bent;
         /* A shading normal that sends the ray to the wrong side of the surface gives way to the geometric one. */
         mirror = rti_sub(rti_scale(normal, 2 * rti_dot(normal, view)), view);
         if (!(rti_dot(normal, view) > 0) || !(rti_dot(mirror, geometric) > 0)) {
@@ -4469,18 +4558,19 @@ static void rti_bounce(rti_render *r, int level)
         }
         if (rti_any(transmit)) {
             const float ior = material->ior > 0 ? material->ior : 1, eta = r->inside[at] ? ior : 1 / ior;
+            float mirrored;
             bool open = rti_bend(view, normal, eta, &bent, &mirrored);
             if (open && !(rti_dot(bent, geometric) < 0)) open = rti_bend(view, geometric, eta, &bent, &mirrored);
             if (!open) mirrored = 1;
             else if (!material->fresnel) mirrored = 0;
             reflect = rti_add(reflect, rti_scale(transmit, mirrored));
             through = rti_mul(path->weight, rti_scale(transmit, 1 - mirrored));
-            if (open && rti_counts(through))
-                rti_wait(r, base + most + refracted++, rti_sub(org, rti_scale(geometric, 2 * lanes[RTI_OFFSET * RTI_ABREAST])), bent, through,
-                         path->pixel, r->inside[at] ? NULL : material);
+            if (open && rti_shows(through))
+                rti_wait(r, base + most + refracted++, rti_sub(org, rti_scale(geometric, 2 * lanes[RTI_OFFSET * RTI_ABREAST])), bent,
+                         through, path->pixel, r->inside[at] ? NULL : material);
         }
         reflect = rti_mul(reflect, path->weight);
-        if (rti_counts(reflect)) rti_wait(r, base + reflected++, org, mirror, reflect, path->pixel, path->medium);
+        if (rti_shows(reflect)) rti_wait(r, base + reflected++, org, mirror, reflect, path->pixel, path->medium);
     }
     if (reflected < most) {
         memmove(r->waiting_rays + base + reflected, r->waiting_rays + base + most, refracted * sizeof *r->waiting_rays);
@@ -4496,14 +4586,16 @@ static void rti_bounce(rti_render *r, int level)
     }
 }
 
-/* Takes the next batch from the stack, leaving space for what follows: each of its rays, which frees one place, may send two. Of the places
-   that are free, each level still to come gets an equal part, so at least one: at first there are as many as levels. */
+/* Takes the next batch from the stack. Each of its rays frees one place and may send two, so a batch takes at most half of the places that
+   are free, and leaves one for each level still to come: there are more at first, and so always enough for one ray. */
 static size_t rti_take(rti_render *r)
 {
     rti_group *top = &r->groups[r->group_count - 1];
-    const size_t more = (size_t)(r->depth - top->level), most = (size_t)r->side * (size_t)r->side;
-    size_t count = top->count < most ? top->count : most;
-    if (more && count > (r->waiting_space - r->waiting_count) / more) count = (r->waiting_space - r->waiting_count) / more;
+    const size_t more = (size_t)(r->depth - top->level), space = r->waiting_space - r->waiting_count;
+    size_t count = top->count, most = (size_t)r->side * (size_t)r->side;
+    if (more && most > (space + 1) / 2) most = (space + 1) / 2;
+    if (more && most > space - (more - 1)) most = space - (more - 1);
+    if (count > most) count = most;
     RT_ASSERT(count > 0);
     top->count -= count;
     if (!top->count) r->group_count--;
@@ -4542,32 +4634,37 @@ static unsigned rti_unzip(unsigned code)
 /* The eye rays of a block through (dx, dy) of each pixel, in Morton order, so that those which follow each other are neighbours. */
 static size_t rti_look(rti_render *r, const int box[4], float dx, float dy)
 {
-    const unsigned width = (unsigned)(box[2] - box[0]), height = (unsigned)(box[3] - box[1]), count = (unsigned)(r->side * r->side);
+    const unsigned width = (unsigned)(box[2] - box[0]), height = (unsigned)(box[3] - box[1]), side = (unsigned)r->side;
+    const rt_vec3 eye = r->view.eye;
     rt_vec3 right[RTI_MAX_BLOCK], down[RTI_MAX_BLOCK];
-    size_t n = 0;
-    unsigned i;
+    rt_ray *ray = r->rays;
+    rti_path *path = r->paths;
+    unsigned i, k;
     for (i = 0; i < width; i++) right[i] = rti_steps(r->view.right, (float)(box[0] + (int)i) + dx);
     for (i = 0; i < height; i++) down[i] = rti_steps(r->view.down, (float)(box[1] + (int)i) + dy);
-    for (i = 0; i < count; i++) {
-        const unsigned x = rti_unzip(i), y = rti_unzip(i >> 1);
-        rt_ray *ray = &r->rays[n];
-        rti_path *path = &r->paths[n];
-        if (x >= width || y >= height) continue;
-        ray->org = r->view.eye;
-        ray->tmin = 0;
-        ray->dir = rti_add(r->view.corner, rti_add(right[x], down[y]));         /* the arithmetic of rti_view_ray */
-        ray->tmax = RTI_INFINITY;
-        path->weight = rti_vec3(1, 1, 1);
-        path->pixel = y * (unsigned)r->side + x;
-        path->medium = NULL;
-        n++;
+    for (i = 0; i < side * side / 4; i++) {
+        const unsigned left = 2 * rti_unzip(i), top = 2 * rti_unzip(i >> 1);
+        for (k = 0; k < 4; k++) {
+            const unsigned x = left + k % 2, y = top + k / 2;
+            if (x >= width || y >= height) continue;
+            ray->org = eye;
+            ray->tmin = 0;
+            ray->dir = rti_add(r->view.corner, rti_add(right[x], down[y]));     /* the arithmetic of rti_view_ray */
+            ray->tmax = RTI_INFINITY;
+            ray++;
+            path->weight = rti_vec3(1, 1, 1);
+            path->pixel = y * side + x;
+            path->medium = NULL;
+            path++;
+        }
     }
-    return n;
+    return (size_t)(ray - r->rays);
 }
 
 /* One sample of every pixel of a block, added to the sums. */
 static void rti_render_block(rti_render *r, const int box[4], int sample)
 {
+    rti_kind_of_ray kind = RTI_EYE;
     size_t n, seen, i;
     int level = 0;
     float dx, dy;
@@ -4581,16 +4678,17 @@ static void rti_render_block(rti_render *r, const int box[4], int sample)
     }
     for (;;) {
         r->job.query = RT_CLOSEST;
+        r->job.tuner = &r->tuners[0][kind];
         if (level || !r->raster) r->batch(r->scene->accel, &r->job, r->rays, n, r->hits);
         seen = rti_look_at(r, n, level == r->depth);
         r->finish(r->surfaces, seen);
-        rti_light_up(r, seen);
+        rti_light_up(r, seen, kind);
         if (r->shiny_count) rti_bounce(r, level + 1);
         if (!r->group_count) return;
         level = r->groups[r->group_count - 1].level;
-        i = r->groups[r->group_count - 1].kind == RTI_REFLECT;
+        kind = r->groups[r->group_count - 1].kind;
         n = rti_take(r);
-        if (i) r->counts.reflect += n;
+        if (kind == RTI_REFLECT) r->counts.reflect += n;
         else r->counts.refract += n;
     }
 }
@@ -4687,7 +4785,8 @@ RT_API rt_status rt_check_scene(const rt_scene *scene, rt_error *error)
                               rti_is_amount(m->shininess), rti_is_amount(m->ior) };
         for (k = 0; k < sizeof good / sizeof good[0]; k++)
             if (!good[k])
-                return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "material %lu: %s is negative or not finite", (unsigned long)i, names[k]);
+                return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "material %lu: %s is negative or not finite", (unsigned long)i,
+                                names[k]);
     }
     for (i = 0; i < scene->light_count; i++) {
         if (!(rti_largest(scene->lights[i].position) <= RT_MAX_COORDINATE) || scene->lights[i].position.y != scene->lights[i].position.y)
@@ -4758,6 +4857,8 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
     memset(&r, 0, sizeof r);
     if ((status = rti_choose(scene->accel, &opt->trace, RTI_BLOCK_RAYS, &r.batch, &r.job)) != RT_OK) return status;
     rti_choose_shaders(&r, opt->trace.isa);
+    r.tuners[0][RTI_EYE].cost[0] = 1;       /* a tile is too short to try what never was slower by much: eye rays go as large packets */
+    r.tuners[0][RTI_EYE].rest = UINT_MAX;
     r.scene = scene;
     r.raster = opt->raster;
     r.view = rti_make_view(&scene->camera, opt->width, opt->height);
@@ -4929,6 +5030,11 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_give_hits RTI_NAME_(rti_give_hits)
 #define rti_fetch RTI_NAME_(rti_fetch)
 #define rti_batch_packets RTI_NAME_(rti_batch_packets)
+#define rti_no_hits RTI_NAME_(rti_no_hits)
+#define rti_take_lanes RTI_NAME_(rti_take_lanes)
+#define rti_give_lanes RTI_NAME_(rti_give_lanes)
+#define rti_batch_run RTI_NAME_(rti_batch_run)
+#define rti_batch_auto RTI_NAME_(rti_batch_auto)
 #define rti_batch_large RTI_NAME_(rti_batch_large)
 #define rti_batch_largest RTI_NAME_(rti_batch_largest)
 #define rti_batch RTI_NAME_(rti_batch)
@@ -5271,6 +5377,10 @@ RTI_FN void rti_load_rays(const rt_ray *rays, rti_packet *p)
         p->t[i] = rays[i].tmax;
     }
 #endif
+}
+
+RTI_FN void rti_no_hits(rti_packet *p)
+{
     rti_vstore(p->u, rti_vset(0));
     rti_vstore(p->v, rti_vset(0));
     rti_vstore(p->prim.bits, rti_vset(0));
@@ -6984,27 +7094,71 @@ RTI_NOINLINE RTI_TARGET void rti_large_walk(const rt_accel *accel, rti_large *g,
 
 /* ---- >>batch -------------------------------------------------------------------------------------------------------- */
 
-/* Fills org, dir, tmin and t of p from n rays, at most RTI_WIDTH; answers their lanes. */
-RTI_FN unsigned rti_take_rays(const rt_ray *rays, int n, rti_packet *p)
+/* n floats from first on, at most RTI_WIDTH; the last of them again in the lanes that are left. */
+RTI_FN rti_v rti_take_lanes(const float *from, size_t first, int n)
 {
-    rt_ray padded[RTI_WIDTH];
+    float padded[RTI_WIDTH];
     int i;
-    if (n < RTI_WIDTH) {                    /* missing rays repeat the last and are not traced */
-        for (i = 0; i < RTI_WIDTH; i++) padded[i] = rays[i < n ? i : n - 1];
-        rays = padded;
-    }
-    rti_load_rays(rays, p);
+    if (n == RTI_WIDTH) return rti_vload(from + first);
+    for (i = 0; i < RTI_WIDTH; i++) padded[i] = from[first + (size_t)(i < n ? i : n - 1)];
+    return rti_vload(padded);
+}
+
+/* Fills p from n of a call's rays, at most RTI_WIDTH, from first on; answers their lanes. Missing rays repeat the last and are not traced. */
+RTI_FN unsigned rti_take_rays(const rti_job *job, const rt_ray *rays, size_t first, int n, rti_packet *p)
+{
+    const rt_ray_arrays *from = job->from;
+    if (from) {
+        int k;
+        RTI_UNROLL
+        for (k = 0; k < 3; k++) {
+            rti_vstore(p->org[k], from->one_org ? rti_vset(from->org[k][0]) : rti_take_lanes(from->org[k], first, n));
+            rti_vstore(p->dir[k], rti_take_lanes(from->dir[k], first, n));
+        }
+        rti_vstore(p->tmin, from->tmin ? rti_take_lanes(from->tmin, first, n) : rti_vset(0));
+        rti_vstore(p->t, from->tmax ? rti_take_lanes(from->tmax, first, n) : rti_vset(RTI_INFINITY));
+    } else if (n < RTI_WIDTH) {
+        rt_ray padded[RTI_WIDTH];
+        int i;
+        for (i = 0; i < RTI_WIDTH; i++) padded[i] = rays[first + (size_t)(i < n ? i : n - 1)];
+        rti_load_rays(padded, p);
+    } else rti_load_rays(rays + first, p);
+    rti_no_hits(p);
     return RTI_ALL_LANES >> (RTI_WIDTH - n);
 }
 
-/* The hits of n lanes, RTI_WIDTH or fewer. Lanes that have found nothing still have u = v = prim = inst = 0; with RT_ANY all have. */
-RTI_FN void rti_give_hits(const rti_packet *p, unsigned found, int n, bool any, rt_hit *hits)
+/* n lanes of a to to from first on, where they are wanted. */
+RTI_FN void rti_give_lanes(void *to, size_t first, int n, rti_v a)
 {
+    float row[RTI_WIDTH];
+    if (!to) return;
+    if (n == RTI_WIDTH) {
+        rti_vstore((float *)to + first, a);
+        return;
+    }
+    rti_vstore(row, a);
+    memcpy((float *)to + first, row, (size_t)n * sizeof(float));
+}
+
+/* The hits of n lanes, from first on. Lanes that have found nothing still have u = v = prim = inst = 0; with RT_ANY all have. */
+RTI_FN void rti_give_hits(const rti_job *job, const rti_packet *p, unsigned found, rt_hit *hits, size_t first, int n)
+{
+    const bool any = job->query == RT_ANY;
+    const rt_hit_arrays *to = job->to;
     const rti_v none = rti_vid(RT_NONE);
     const rti_v t = rti_vselect(found, any ? rti_vset(0) : rti_vload(p->t), rti_vset(RTI_INFINITY));
     const rti_v prim = rti_vselect(found, rti_vload(p->prim.bits), none), inst = any ? none : rti_vselect(found, rti_vload(p->inst.bits), none);
     float row[5][RTI_WIDTH];
     int i;
+    if (to) {
+        rti_give_lanes(to->t, first, n, t);
+        rti_give_lanes(to->u, first, n, rti_vload(p->u));
+        rti_give_lanes(to->v, first, n, rti_vload(p->v));
+        rti_give_lanes(to->prim, first, n, prim);
+        rti_give_lanes(to->inst, first, n, inst);
+        return;
+    }
+    hits += first;
     rti_vstore(row[4], inst);
 #if RTI_LANES == RTI_LANES_SSE2
     if (n == RTI_WIDTH) {                   /* t u v prim of a hit are stored at once: a transpose */
@@ -7048,18 +7202,22 @@ RTI_FN void rti_give_hits(const rti_packet *p, unsigned found, int n, bool any, 
     }
 }
 
-RTI_NOINLINE RTI_TARGET void rti_batch(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
+RTI_FN void rti_batch_run(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t first, size_t last, rt_hit *hits)
 {
-    size_t first;
-    for (first = 0; first < count; first += RTI_WIDTH) {
-        const int n = count - first < RTI_WIDTH ? (int)(count - first) : RTI_WIDTH;
+    for (; first < last; first += RTI_WIDTH) {
+        const int n = last - first < RTI_WIDTH ? (int)(last - first) : RTI_WIDTH;
         rti_packet p;
-        const unsigned live = rti_prepare(accel, &p, rti_take_rays(rays + first, n, &p), false);
+        const unsigned live = rti_prepare(accel, &p, rti_take_rays(job, rays, first, n, &p), false);
 #if RTI_STATS
         if (job->stats) job->stats->rays += (uint64_t)rti_bit_count(live);
 #endif
-        rti_give_hits(&p, rti_walk(accel, &p, live, RT_NONE, job), n, job->query == RT_ANY, hits + first);
+        rti_give_hits(job, &p, rti_walk(accel, &p, live, RT_NONE, job), hits, first, n);
     }
+}
+
+RTI_NOINLINE RTI_TARGET void rti_batch(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
+{
+    rti_batch_run(accel, job, rays, 0, count, hits);
 }
 
 #if RTI_WIDTH > 1
@@ -7073,18 +7231,19 @@ RTI_FN void rti_fetch(const rt_ray *rays, const rt_hit *hits)
     for (i = 0; i < RTI_WIDTH; i += 3) RTI_PREFETCH(hits + i);
 }
 
-RTI_FN void rti_batch_packets(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits, rti_packet *packets)
+/* The rays from first to last in packets of side x side. */
+RTI_FN void rti_batch_packets(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t first, size_t last, rt_hit *hits,
+                              rti_packet *packets)
 {
-    const size_t side = (size_t)job->side * (size_t)job->side;
-    size_t first;
+    const size_t size = (size_t)job->side * (size_t)job->side;
     rti_large g;
     g.rays = packets;
-    for (first = 0; first < count; first += side) {
-        const int n = count - first < side ? (int)(count - first) : (int)side;
+    for (; first < last; first += size) {
+        const int n = last - first < size ? (int)(last - first) : (int)size;
         int i;
         for (i = g.count = 0; i < n; i += RTI_WIDTH, g.count++) {
             rti_packet *p = &packets[g.count];
-            p->live = rti_take_rays(rays + first + i, n - i < RTI_WIDTH ? n - i : RTI_WIDTH, p);
+            p->live = rti_take_rays(job, rays, first + (size_t)i, n - i < RTI_WIDTH ? n - i : RTI_WIDTH, p);
             p->found = 0;
         }
         g.open = g.count;
@@ -7095,9 +7254,9 @@ RTI_FN void rti_batch_packets(const rt_accel *accel, const rti_job *job, const r
 #endif
         if (accel->node_count) rti_large_walk(accel, &g, RT_NONE, job);
         for (i = g.count = 0; i < n; i += RTI_WIDTH, g.count++) {
-            if (first + 3 * side < count) rti_fetch(rays + first + 2 * side + i, hits + first + side + i);
-            rti_give_hits(&packets[g.count], packets[g.count].found, n - i < RTI_WIDTH ? n - i : RTI_WIDTH, job->query == RT_ANY,
-                          hits + first + i);
+            const size_t at = first + (size_t)i;
+            if (at + 3 * size < last && !job->from) rti_fetch(rays + at + 2 * size, hits + at + size);
+            rti_give_hits(job, &packets[g.count], packets[g.count].found, hits, at, n - i < RTI_WIDTH ? n - i : RTI_WIDTH);
         }
     }
 }
@@ -7106,12 +7265,40 @@ RTI_FN void rti_batch_packets(const rt_accel *accel, const rti_job *job, const r
 RTI_NOINLINE RTI_TARGET void rti_batch_large(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
 {
     rti_packet packets[RTI_SIMD_RAYS / 4];
-    rti_batch_packets(accel, job, rays, count, hits, packets);
+    rti_batch_packets(accel, job, rays, 0, count, hits, packets);
 }
 RTI_NOINLINE RTI_TARGET void rti_batch_largest(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
 {
     rti_packet packets[RTI_SIMD_RAYS];
-    rti_batch_packets(accel, job, rays, count, hits, packets);
+    rti_batch_packets(accel, job, rays, 0, count, hits, packets);
+}
+
+/* RT_AUTO on a BVH. [Overbeck] Table 1 has Ranged with culling for rays that stay together, and here RT_BVH_SIMD is faster than Partition
+   for those that do not. Which they are is found by trying: of every RTI_TRIALS packets of 16 x 16 one goes as a large one and one
+   does not, by the clock, and the others as it was faster. Counts of nodes, boxes and triangles foretell the time within 40 % only,
+   since coherence is in the branches too. Hits do not tell how they were found; rt_stats would, so with them, as without a clock, large
+   packets are taken for closest hits alone. */
+RTI_NOINLINE RTI_TARGET void rti_batch_auto(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
+{
+    const bool timed = rti_ticks() && !job->stats;
+    rti_packet packets[RTI_SIMD_RAYS / 4];
+    rti_tuner fresh = { { 0, 0 }, 0, 0 }, *tuner = job->tuner ? job->tuner : &fresh;
+    rti_job part = *job;
+    size_t first, last;
+    part.large = RT_BVH_RANGED;
+    part.side = 16;
+    part.cull = RT_CULL_BOTH;
+    for (first = 0; first < count; first = last) {
+        const size_t left = count - first, most = !timed ? left : (size_t)(tuner->rest > 2 ? tuner->rest - 2 : 1) * RTI_AUTO_RAYS;
+        const bool few = left < RTI_AUTO_RAYS / 4, trial = timed && tuner->rest <= 2 && !few;   /* few: they cannot stay together */
+        const bool large = !few && (trial ? tuner->rest != 1 : timed ? tuner->cost[1] < tuner->cost[0] : job->query == RT_CLOSEST);
+        const uint64_t start = trial ? rti_ticks() : 0;
+        last = left < most ? count : first + most;
+        if (large) rti_batch_packets(accel, &part, rays, first, last, hits, packets);
+        else rti_batch_run(accel, &part, rays, first, last, hits);
+        if (trial) rti_learn(tuner, large, (float)(rti_ticks() - start) / (float)(last - first));
+        else if (timed && !few) tuner->rest -= (unsigned)((last - first + RTI_AUTO_RAYS - 1) / RTI_AUTO_RAYS);
+    }
 }
 #endif
 
@@ -7382,7 +7569,7 @@ RTI_NOINLINE RTI_TARGET void rti_cover_queue(const rt_raster *r, const rti_block
 #endif
 #if RTI_INSTANCES
         else if (count) {
-            static const rti_job job = { RT_CLOSEST, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE };
+            static const rti_job job = { RT_CLOSEST, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, NULL, NULL };
             const uint32_t number = (uint32_t)(prim - balls);
             for (i = 0; i < count; i++) {
                 k = chosen[i];
@@ -7425,6 +7612,7 @@ RTI_NOINLINE RTI_TARGET void rti_cover(const rt_raster *r, const rti_block *b)
         c.live[k] = c.found[k] = 0;
         if (!lanes) continue;
         rti_load_rays(b->rays + k * RTI_WIDTH, &c.packets[k]);
+        rti_no_hits(&c.packets[k]);
         c.live[k] = rti_prepare(&r->accel, &c.packets[k], lanes, false);
         for (i = 0; i < RTI_WIDTH; i++)
             if (!(c.live[k] >> i & 1)) c.packets[k].t[i] = -RTI_INFINITY;
@@ -7491,6 +7679,7 @@ RTI_NOINLINE RTI_TARGET void rti_cover(const rt_raster *r, const rti_block *b)
 
 #define rti_vsqrt RTI_NAME_(rti_vsqrt)
 #define rti_vdot RTI_NAME_(rti_vdot)
+#define rti_vlargest RTI_NAME_(rti_vlargest)
 #define rti_vunit RTI_NAME_(rti_vunit)
 #define rti_vflip RTI_NAME_(rti_vflip)
 #define rti_vload3 RTI_NAME_(rti_vload3)
@@ -7513,11 +7702,13 @@ RTI_FN rti_v rti_vdot(const rti_v a[3], const rti_v b[3])
     return rti_vadd(rti_vadd(rti_vround(rti_vmul(a[0], b[0])), rti_vround(rti_vmul(a[1], b[1]))), rti_vround(rti_vmul(a[2], b[2])));
 }
 
+RTI_FN rti_v rti_vlargest(const rti_v a[3]) { return rti_vmax(rti_vmax(rti_vabs(a[0]), rti_vabs(a[1])), rti_vabs(a[2])); }
+
 /* As rti_normalize. */
 RTI_FN void rti_vunit(rti_v a[3])
 {
     const rti_v least = rti_vset(FLT_MIN), one = rti_vset(1);
-    rti_v scale = rti_vdiv(one, rti_vmax(rti_vmax(rti_vabs(a[0]), rti_vabs(a[1])), rti_vmax(rti_vabs(a[2]), least)));
+    rti_v scale = rti_vdiv(one, rti_vmax(rti_vlargest(a), least));
     int k;
     for (k = 0; k < 3; k++) a[k] = rti_vmul(a[k], scale);
     scale = rti_vdiv(one, rti_vsqrt(rti_vmax(rti_vdot(a, a), least)));
@@ -7549,16 +7740,16 @@ RTI_NOINLINE RTI_TARGET void rti_finish(rti_surfaces *s, size_t count)
 {
     size_t at;
     for (at = 0; at < count; at += RTI_WIDTH) {
-        float *const lanes = s[at / RTI_ABREAST].lane[0] + at % RTI_ABREAST;
+        float *const lanes = s[at / RTI_ABREAST].lanes + at % RTI_ABREAST;
         rti_v point[3], view[3], geometric[3], normal[3], offset, reach, size;
         int k;
         rti_vload3(lanes, RTI_POINT, point);
         rti_vload3(lanes, RTI_VIEW, view);
         rti_vload3(lanes, RTI_GEOMETRIC, geometric);
         rti_vload3(lanes, RTI_NORMAL, normal);
-        size = rti_vmax(rti_vmax(rti_vabs(point[0]), rti_vabs(point[1])), rti_vabs(point[2]));
-        reach = rti_vmul(rti_vload(lanes + RTI_OFFSET * RTI_ABREAST), rti_vmax(rti_vmax(rti_vabs(view[0]), rti_vabs(view[1])), rti_vabs(view[2])));
-        offset = rti_vmul(rti_vadd(size, rti_vround(reach)), rti_vset(3e-6f));      /* some 50 rounding errors of the numbers that made point */
+        reach = rti_vmul(rti_vload(lanes + RTI_OFFSET * RTI_ABREAST), rti_vlargest(view));
+        size = rti_vadd(rti_vlargest(point), rti_vround(reach));
+        offset = rti_vmul(size, rti_vset(3e-6f));       /* some 50 rounding errors of the numbers that made point */
         for (k = 0; k < 3; k++) view[k] = rti_vsub(rti_vset(0), view[k]);
         rti_vunit(view);
         rti_vunit(geometric);
@@ -7580,7 +7771,7 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, rt_vec3 ligh
     const rti_v place[3] = { rti_vset(light.x), rti_vset(light.y), rti_vset(light.z) }, zero = rti_vset(0);
     size_t at;
     for (at = 0; at < count; at += RTI_WIDTH) {
-        float *const lanes = s[at / RTI_ABREAST].lane[0] + at % RTI_ABREAST;
+        float *const lanes = s[at / RTI_ABREAST].lanes + at % RTI_ABREAST;
         rti_v point[3], view[3], geometric[3], normal[3], to[3], cosine, mirrored;
         unsigned before;
         int k;
@@ -7601,6 +7792,7 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, rt_vec3 ligh
 
 #undef rti_vsqrt
 #undef rti_vdot
+#undef rti_vlargest
 #undef rti_vunit
 #undef rti_vflip
 #undef rti_vload3
@@ -7752,6 +7944,11 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, rt_vec3 ligh
 #undef rti_give_hits
 #undef rti_fetch
 #undef rti_batch_packets
+#undef rti_no_hits
+#undef rti_take_lanes
+#undef rti_give_lanes
+#undef rti_batch_run
+#undef rti_batch_auto
 #undef rti_batch_large
 #undef rti_batch_largest
 #undef rti_batch

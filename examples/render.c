@@ -65,6 +65,7 @@ typedef struct {
     int short_stack;                        /* entries of kd.shortstack; 0: its default */
     rt_cull cull;
     bool raster;                            /* rasterise eye rays */
+    bool shiny;                             /* materials of .mtl files as if their illum asked for all secondary rays */
     point eye, look, up, light;
     float fov;                              /* 0: the scene's */
     bool quiet, help;
@@ -156,6 +157,12 @@ static bool set_primary(options *o, const char *text)
     return o->raster || strcmp(text, "trace") == 0;
 }
 
+static bool set_illum(options *o, const char *text)
+{
+    o->shiny = strcmp(text, "all") == 0;
+    return o->shiny || strcmp(text, "file") == 0;
+}
+
 static bool set_algorithm(options *o, const char *text)
 {
     size_t i = 0;
@@ -178,13 +185,15 @@ static const struct {
     { "--size",      "WxH",      set_size,      "pixels (default 800x600)",
       "WxH, each 1 to " TEXT(MAX_SIDE) ", at most " TEXT(MAX_PIXELS) " pixels together" },
     { "--spp",       "N",        set_spp,       "samples a pixel (default 4)",                       "1 to " TEXT(MAX_SPP) },
-    { "--depth",     "N",        set_depth,     "levels of mirrored and refracted rays (default 5; 0: none)", "0 to " TEXT(RT_MAX_DEPTH) },
+    { "--depth",     "N",        set_depth,     "levels of reflected and refracted rays (default 5; 0: none)", "0 to " TEXT(RT_MAX_DEPTH) },
     { "--structure", "NAME",     set_structure, "what to build (default: what the algorithm takes)", "one of:" RT_STRUCTURE_LIST(LISTED) },
     { "--algorithm", "NAME",     set_algorithm, "how to trace (default auto)",                       "an algorithm's name: see --help" },
     { "--packet",    "N",        set_packet,    "packet width (default 0: the algorithm's own)",     "0 or a width, see --help" },
     { "--short-stack", "N",      set_stack,     "entries of kd.shortstack (default 3)",              "1 to " TEXT(RT_MAX_SHORT_STACK) },
     { "--cull",      "NAME",     set_cull,      "frustum culling of packets (default none)",         "one of:" RT_CULL_LIST(LISTED) },
     { "--primary",   "NAME",     set_primary,   "eye rays: trace or raster (default trace)",         "one of: trace raster" },
+    { "--illum",     "NAME",     set_illum,     "secondary rays of .mtl files: as illum says, or all that Ks, d, Ni allow (default file)",
+      "one of: file all" },
     { "--threads",   "N",        set_threads,   "worker threads (default: all processors)",          "1 to " TEXT(MAX_THREADS) },
     { "--eye",       "X,Y,Z",    set_eye,       "where the camera stands (default: the scene's)",    "three numbers: X,Y,Z" },
     { "--look",      "X,Y,Z",    set_look,      "the point that it looks at",                        "three numbers: X,Y,Z" },
@@ -515,7 +524,8 @@ static void print_summary(const options *o, const scene *loaded, const rt_info *
            grouped(f->rays.shadow, &c), grouped(f->rays.reflect, &d), grouped(f->rays.refract, &e));
     printf("speed     %.2f Mrays/s: %.3f s with %s on %d thread%s\n", (double)rays / render_seconds * 1e-6, render_seconds,
            o->algorithm->name, threads, threads == 1 ? "" : "s");
-    printf("picture   %s, %dx%d, %d sample%s a pixel, depth %d\n", o->output, o->width, o->height, o->spp, o->spp == 1 ? "" : "s", o->depth);
+    printf("picture   %s, %dx%d, %d sample%s a pixel, depth %d\n", o->output, o->width, o->height, o->spp, o->spp == 1 ? "" : "s",
+           o->depth);
 }
 
 /* ---- >>main --------------------------------------------------------------------------------------------------------- */
@@ -586,6 +596,7 @@ static bool render(options *o)
     rt_get_info(accel, &tree);
 
     view = scene_view(&loaded, accel);
+    if (o->shiny) view.materials = loaded.shiny_materials;
     if (!aim(o, &loaded, &view, lights)) goto cleanup;
     if (rt_check_scene(&view, &error) != RT_OK) { fail("%s: %s", o->scene_name, error.message); goto cleanup; }
     start = seconds_now();

@@ -44,6 +44,7 @@ typedef struct {
     uint32_t *normal_indices;
     rt_vec3 *colors;                        /* one a vertex, or NULL */
     rt_material *materials;
+    rt_material *shiny_materials;           /* the same, but .mtl ones as if their illum asked for secondary rays: see sn_settle_mtl */
     size_t material_count;
     char (*material_names)[64];
     uint32_t *material_ids;                 /* one a triangle, then one a sphere */
@@ -75,7 +76,7 @@ typedef struct {
     sn_array normals;                       /* rt_vec3 */
     sn_array triangles, triangle_normals;   /* uint32_t[3]; the latter empty or one a triangle */
     sn_array triangle_materials, spheres, sphere_materials;
-    sn_array materials, material_defined;   /* rt_material, bool: one a name of material_names */
+    sn_array materials, material_defined;   /* sn_material, bool: one a name of material_names */
     sn_names material_names, libraries;     /* libraries: the .mtl files already read */
     sn_array lights;
     sn_array corners, clip;                 /* scratch of polygons */
@@ -799,17 +800,20 @@ static rt_material sn_grey(void)
     return m;
 }
 
+/* As the file tells, and as it would be with all secondary rays. */
+typedef struct { rt_material told, shiny; } sn_material;
+
 /* The number of the material with that name, which may be defined later; RT_NONE when out of memory. */
 static uint32_t sn_use_material(sn_builder *b, const char *name, size_t length)
 {
     uint32_t number = sn_intern(b, &b->material_names, name, length);
 
     if (number != RT_NONE && number == b->materials.count) {
-        rt_material *m = (rt_material *)sn_add(b, &b->materials, sizeof *m, 1);
+        sn_material *m = (sn_material *)sn_add(b, &b->materials, sizeof *m, 1);
         bool *defined = (bool *)sn_add(b, &b->material_defined, sizeof *defined, 1);
 
         if (!m || !defined) return RT_NONE;
-        *m = sn_grey();
+        m->told = m->shiny = sn_grey();
         *defined = false;
     }
     return number;
@@ -819,9 +823,11 @@ static uint32_t sn_use_material(sn_builder *b, const char *name, size_t length)
 static void sn_set_material(sn_builder *b, const char *name, rt_material m)
 {
     uint32_t number = sn_use_material(b, name, strlen(name));
+    sn_material *to;
 
     if (number == RT_NONE) return;
-    ((rt_material *)b->materials.data)[number] = m;
+    to = &((sn_material *)b->materials.data)[number];
+    to->told = to->shiny = m;
     ((bool *)b->material_defined.data)[number] = true;
     b->material = number;
 }
@@ -846,12 +852,8 @@ static void sn_settle_highlight(rt_material *m)
     }
 }
 
-/* Secondary rays only where illum asks for them, since exporters write Ks, d and Ni for all: 3 and 5 mirror; 4 mirrors and lets pass, 6
-   refracts too, in 7 Fresnel's equations say how much is mirrored. 8 and 9 are 3 and 4 for programs that do not trace rays. Without d,
-   what lets pass is clear. */
-static void sn_settle_mtl(rt_material *m, const sn_mtl_extra *extra)
+static void sn_settle_illum(rt_material *m, const sn_mtl_extra *extra, int illum)
 {
-    const int illum = extra->illum == 8 ? 3 : extra->illum == 9 ? 4 : extra->illum;
     const float opacity = extra->opacity, clear = opacity < 0 ? 1 : 1 - opacity;
 
     if (illum >= 3 && illum <= 6) m->reflect = m->specular;
@@ -863,6 +865,20 @@ static void sn_settle_mtl(rt_material *m, const sn_mtl_extra *extra)
     if (illum < 6 || m->ior == 0) m->ior = 1;       /* Ni 0 is written where none is meant */
     if (illum == 0 || illum == 1) m->specular = sn_vec3(0, 0, 0);
     sn_settle_highlight(m);
+}
+
+/* Secondary rays only where illum asks for them, since exporters write Ks, d and Ni for all: 3 and 5 mirror; 4 mirrors and lets pass, 6
+   refracts too, in 7 Fresnel's equations say how much is mirrored. 8 and 9 are 3 and 4 for programs that do not trace rays. Without d,
+   what lets pass is clear. With all of them, what has a highlight mirrors as much, and what d leaves over lets pass: so mean the formats
+   that know no illum, NFF and AFF, and files that are converted from them. */
+static void sn_settle_mtl(sn_material *m, const sn_mtl_extra *extra)
+{
+    const int illum = extra->illum == 8 ? 3 : extra->illum == 9 ? 4 : extra->illum;
+    const bool clear = extra->opacity >= 0 && extra->opacity < 1;
+
+    m->shiny = m->told;
+    sn_settle_illum(&m->told, extra, illum);
+    sn_settle_illum(&m->shiny, extra, illum >= 3 && illum <= 7 ? illum : clear ? 6 : 3);
 }
 
 /* The number, or the nearest that is allowed. */
@@ -899,7 +915,8 @@ static void sn_mtl_color(sn_builder *b, const char *key, const char *p, rt_vec3 
 static void sn_mtl(sn_builder *b, sn_text *text)
 {
     static const char *const scalars[] = { "Ns", "d", "Tr", "Ni", "illum" };
-    rt_material ignored = sn_grey(), *m = NULL;
+    sn_material ignored, *m = NULL;
+    rt_vec3 ambient;                        /* Ka: checked and forgotten */
     sn_mtl_extra extra = sn_mtl_default;
     char *p, *stop;
     size_t lines = 0;
@@ -919,12 +936,12 @@ static void sn_mtl(sn_builder *b, sn_text *text)
 
             if (m) sn_settle_mtl(m, &extra);
             if (number == RT_NONE) return;
-            ignored = sn_grey();            /* of two definitions the first one holds */
+            ignored.told = sn_grey();       /* of two definitions the first one holds */
             m = &ignored;
             if (!((bool *)b->material_defined.data)[number]) {
                 ((bool *)b->material_defined.data)[number] = true;
-                m = &((rt_material *)b->materials.data)[number];
-                m->shininess = 0;
+                m = &((sn_material *)b->materials.data)[number];
+                m->told.shininess = 0;
             }
             extra = sn_mtl_default;
             continue;
@@ -933,11 +950,11 @@ static void sn_mtl(sn_builder *b, sn_text *text)
             sn_warn(b, "'%s' before the first newmtl is ignored", sn_quote(key, end).text);
             continue;
         }
-        if (sn_is_word(key, "Kd")) sn_mtl_color(b, "Kd", end, &m->diffuse);
-        else if (sn_is_word(key, "Ks")) sn_mtl_color(b, "Ks", end, &m->specular);
-        else if (sn_is_word(key, "Ke")) sn_mtl_color(b, "Ke", end, &m->emission);
+        if (sn_is_word(key, "Kd")) sn_mtl_color(b, "Kd", end, &m->told.diffuse);
+        else if (sn_is_word(key, "Ks")) sn_mtl_color(b, "Ks", end, &m->told.specular);
+        else if (sn_is_word(key, "Ke")) sn_mtl_color(b, "Ke", end, &m->told.emission);
         else if (sn_is_word(key, "Tf")) sn_mtl_color(b, "Tf", end, &extra.filter);
-        else if (sn_is_word(key, "Ka")) sn_mtl_color(b, "Ka", end, &ignored.diffuse);
+        else if (sn_is_word(key, "Ka")) sn_mtl_color(b, "Ka", end, &ambient);
         for (i = 0; i < sizeof scalars / sizeof *scalars; i++) {
             float value;
 
@@ -945,10 +962,10 @@ static void sn_mtl(sn_builder *b, sn_text *text)
             end = sn_skip(end);
             if (i == 1 && sn_is_word(end, "-halo")) end += 5;
             if (sn_numbers(b, scalars[i], &end, &value, 1, 1) < 0) continue;
-            if (i == 0) m->shininess = value;
+            if (i == 0) m->told.shininess = value;
             if (i == 1) extra.opacity = sn_mtl_clamp(b, "d", value, 1);
             if (i == 2) extra.opacity = 1 - sn_mtl_clamp(b, "Tr", value, 1);
-            if (i == 3) m->ior = sn_mtl_clamp(b, "Ni", value, FLT_MAX);
+            if (i == 3) m->told.ior = sn_mtl_clamp(b, "Ni", value, FLT_MAX);
             if (i == 4) extra.illum = value >= 0 && value <= 10 ? (int)value : 2;
         }
     }
@@ -1271,7 +1288,7 @@ static void sn_obj_statement(sn_obj *o, const char *text, const char *p)
 static void sn_obj_materials(sn_builder *b)
 {
     bool *defined = (bool *)b->material_defined.data;
-    rt_material *materials = (rt_material *)b->materials.data;
+    sn_material *materials = (sn_material *)b->materials.data;
     size_t i, missing = 0, first = 0;
 
     for (i = 0; i < b->materials.count; i++) {
@@ -2087,7 +2104,8 @@ static void sn_add_chequers(sn_builder *b, float y, float half, int count, const
 /* A closed box, its faces turned outwards; turned by an angle around y. */
 static void sn_add_box(sn_builder *b, rt_vec3 center, rt_vec3 half, float turn)
 {
-    static const unsigned char faces[6][4] = { { 0, 4, 6, 2 }, { 1, 3, 7, 5 }, { 0, 1, 5, 4 }, { 2, 6, 7, 3 }, { 0, 2, 3, 1 }, { 4, 5, 7, 6 } };
+    static const unsigned char faces[6][4] = { { 0, 4, 6, 2 }, { 1, 3, 7, 5 }, { 0, 1, 5, 4 }, { 2, 6, 7, 3 }, { 0, 2, 3, 1 },
+                                               { 4, 5, 7, 6 } };
     const float c = cosf(turn), s = sinf(turn);
     rt_vec3 corners[8], face[4];
     int i, k;
@@ -2118,7 +2136,7 @@ static void sn_make_mirrors(sn_builder *b, uint64_t size)
 
     sn_set_background(b, sn_vec3(0.02f, 0.02f, 0.03f));
     b->ambient = sn_vec3(0.15f, 0.15f, 0.16f);
-    sn_set_camera(b, sn_vec3(-0.8f, 1.9f, half - 0.2f), sn_vec3(1.1f, 0.9f, half - 4.5f), sn_vec3(0, 1, 0), 60);
+    sn_set_camera(b, sn_vec3(-2.6f, 1.7f, half - 0.3f), sn_vec3(0.5f, 0.9f, half - 3.2f), sn_vec3(0, 1, 0), 60);
     for (i = 0; i < 2; i++) sn_add_light(b, sn_vec3(0, 2.8f, i ? -half / 2 : half / 2), sn_vec3(0.42f, 0.41f, 0.38f));
     for (i = 0; i < size; i++)
         for (k = 0; k < 3 && !b->no_memory; k++) {
@@ -2198,7 +2216,8 @@ static void sn_make(sn_builder *b)
 
     while (i < rows && (strlen(sn_procedurals[i].name) != length || strncmp(sn_procedurals[i].name, name, length) != 0)) i++;
     if (i == rows) {
-        sn_fail(b, "neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N, mirrors:N, glass:N");
+        sn_fail(b, "neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N, mirrors:N, "
+                "glass:N");
         return;
     }
     if (!colon) {
@@ -2291,6 +2310,7 @@ SCENE_API void scene_free(scene *s)
     free(s->normal_indices);
     free(s->colors);
     free(s->materials);
+    free(s->shiny_materials);
     free(s->material_names);
     free(s->material_ids);
     free(s->lights);
@@ -2314,16 +2334,16 @@ static void sn_fill_materials(sn_builder *b)
 {
     uint32_t *ids = (uint32_t *)b->triangle_materials.data;
     const uint32_t grey = (uint32_t)b->materials.count;
-    rt_material *material;
+    sn_material *material;
     size_t i;
 
     for (i = 0; i < b->triangle_materials.count; i++) {
         if (ids[i] != RT_NONE) continue;
         ids[i] = grey;
         if (b->materials.count > grey) continue;
-        material = (rt_material *)sn_add(b, &b->materials, sizeof *material, 1);
+        material = (sn_material *)sn_add(b, &b->materials, sizeof *material, 1);
         if (!material) return;
-        *material = sn_grey();
+        material->told = material->shiny = sn_grey();
     }
 }
 
@@ -2338,13 +2358,20 @@ static void sn_finish(sn_builder *b, scene *out)
     sn_fill_materials(b);
     if (b->colors.count > 0 && b->colors.count < b->vertices.count) sn_color_vertex(b, sn_vec3(1, 1, 1));      /* those at the end */
     out->material_names = (char (*)[64])calloc(b->materials.count + 1, sizeof *out->material_names);
+    out->materials = (rt_material *)malloc((b->materials.count + 1) * sizeof *out->materials);
+    out->shiny_materials = (rt_material *)malloc((b->materials.count + 1) * sizeof *out->shiny_materials);
     out->lights = lights ? (rt_light *)sn_take(&b->lights, sizeof(rt_light)) : (rt_light *)malloc(2 * sizeof(rt_light));
-    if (b->no_memory || !out->material_names || !out->lights) {
+    if (b->no_memory || !out->material_names || !out->materials || !out->shiny_materials || !out->lights) {
         b->no_memory = true;
         return;
     }
-    for (i = 0; i < b->materials.count; i++)
+    for (i = 0; i < b->materials.count; i++) {
+        const sn_material *from = &((const sn_material *)b->materials.data)[i];
+
         snprintf(out->material_names[i], sizeof *out->material_names, "%s", i < named ? sn_name_text(&b->material_names, i) : "(none)");
+        out->materials[i] = from->told;
+        out->shiny_materials[i] = from->shiny;
+    }
     if (b->normals.count == 0) b->triangle_normals.count = 0;
     if (b->zero_normals) sn_flatten(b);
     out->geometry.vertex_count = b->vertices.count;
@@ -2358,7 +2385,6 @@ static void sn_finish(sn_builder *b, scene *out)
     out->colors = (rt_vec3 *)sn_take(&b->colors, sizeof(rt_vec3));
     out->normal_indices = (uint32_t *)sn_take(&b->triangle_normals, 3 * sizeof(uint32_t));
     if (out->normal_indices) out->normals = (rt_vec3 *)sn_take(&b->normals, sizeof(rt_vec3));
-    out->materials = (rt_material *)sn_take(&b->materials, sizeof(rt_material));
     out->shapes = b->shapes;
     out->bytes_read = b->bytes_read;
     out->warnings = b->warnings;
