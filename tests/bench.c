@@ -38,7 +38,7 @@
 #endif
 
 #define MEASURE_SECONDS 0.1                 /* the least work that one measurement times, where the table does not say less */
-#define CHUNK 4096u                         /* rays a thread takes at once: a multiple of every packet size */
+#define CHUNK 16384u                        /* rays a thread takes at once, of several threads: a multiple of every packet size */
 #define RAY_EPSILON 1e-4f                   /* secondary rays start and end this far, in units of their length, off what they join */
 #define MAX_ROUNDS 1000
 #define MAX_IMAGE 16384
@@ -695,13 +695,14 @@ static double now(void)
 typedef struct {
     const entry *e;
     const batch *b;
+    size_t chunk;
 } work;
 
 static void trace_chunk(void *context, size_t index)
 {
     const work *w = context;
-    size_t first = index * CHUNK, left = w->b->count - first;
-    w->e->trace(w->e, w->b, first, first + (left < CHUNK ? left : CHUNK));
+    size_t first = index * w->chunk, left = w->b->count - first;
+    w->e->trace(w->e, w->b, first, first + (left < w->chunk ? left : w->chunk));
 }
 
 /* Seconds that one pass over the rays takes. */
@@ -712,10 +713,11 @@ static double measure(const entry *e, const batch *b, pool *threads)
     int passes = 0;
 
     w.e = e, w.b = b;
+    w.chunk = pool_threads(threads) > 1 ? CHUNK : b->count;
     do {
         if (e->prepare) e->prepare(e, b);
         start = now();
-        pool_for(threads, (b->count + CHUNK - 1) / CHUNK, trace_chunk, &w);
+        pool_for(threads, (b->count + w.chunk - 1) / w.chunk, trace_chunk, &w);
         total += now() - start;
         passes++;
     } while (total < b->seconds);

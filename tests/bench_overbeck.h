@@ -37,15 +37,15 @@ static const overbeck_original overbeck_originals[] = {
 };
 enum { OVERBECK_ORIGINALS = sizeof overbeck_originals / sizeof *overbeck_originals, OVERBECK_FAIRY = 4 };   /* what stands for the Fairy */
 
-/* A scene for one picture of the paper's Table 2. Material names are those of the file. */
+/* A scene for one picture of the paper's Table 2. */
 typedef struct {
     overbeck_original scene;
     const char *stands_for;
     int depth;                              /* levels that follow an eye ray, of mirrors and glass alike; 0: the library's default */
     bool lit;                               /* one light, with shadows; else none */
     bool floor;                             /* stands on a mirror */
-    bool polished;                          /* what has a highlight mirrors as much, as in BART's and SPD's own formats */
-    const char *mirrors, *glass;            /* comma lists */
+    bool polished;                          /* mirrors and glass as BART's own format has them, which the .mtl files do not ask for */
+    const char *mirrors, *glass;            /* comma lists of names in the file */
     double simd, large, culling;            /* the paper: frames a second with 2x2 SIMD rays and with 16x16; what culling gains */
     const char *traversal;                  /* the paper's choice for mirrored and refracted rays */
 } overbeck_shot;
@@ -61,7 +61,7 @@ static const overbeck_shot overbeck_shots[] = {
       3, false, false, true, "", "", 2.4, 8.5, 1.18, "Partition" },
     { { "Kitchen", "papers/bart_kitchen_t0.obj", "glass:4",
         { { 3.75f, 2.3f, 3.6f }, { 3.4366f, 1.8802f, 2.7483f }, { 0, 1, 0 }, 40 }, { 2, 2, 1 } }, "BART Kitchen",
-      4, true, false, true, "", "m015,m018", 1.2, 4, 1.19, "Partition" },
+      4, true, false, true, "", "", 1.2, 4, 1.19, "Partition" },
 };
 enum { OVERBECK_SHOTS = sizeof overbeck_shots / sizeof *overbeck_shots };
 
@@ -227,20 +227,20 @@ static bool overbeck_add_floor(scene *c)
     return true;
 }
 
-/* Makes mirrors and glass of the materials that the shot says. */
+/* Makes mirrors and glass of the materials, as the shot says. */
 static void overbeck_polish(scene *c, const overbeck_shot *shot)
 {
     size_t i;
     for (i = 0; i < c->material_count; i++) {
         rt_material *m = &c->materials[i];
-        if (shot->polished) m->reflect = m->specular;
+        if (shot->polished && c->shiny_materials) *m = c->shiny_materials[i];
         if (listed(shot->mirrors, c->material_names[i])) {
             m->diffuse = vec(0.5f * m->diffuse.x, 0.5f * m->diffuse.y, 0.5f * m->diffuse.z);
             m->reflect = vec(0.5f, 0.5f, 0.5f);
         }
         if (!listed(shot->glass, c->material_names[i])) continue;
-        m->transmit = vec(0.85f, 0.85f, 0.85f);                 /* BART's, whose opacity is 0.15 */
-        m->ior = 1.55f;
+        m->transmit = vec(0.8f, 0.8f, 0.8f);
+        m->ior = OVERBECK_IOR;
     }
 }
 
@@ -691,8 +691,8 @@ static bool overbeck_packets(overbeck *h)
         overbeck_print_means(h, "Partition x Ranged", PARTITION, RANGED);
         overbeck_print_spread(h, true);
     }
-    return !h->a.svg || overbeck_plot_ways(h, "overbeck.5", "Milliseconds of tracing the rays of a picture by packet width, frustum culling "
-                                           "both", methods, culls, labels, METHODS);
+    return !h->a.svg || overbeck_plot_ways(h, "overbeck.5", "Milliseconds of tracing the rays of a picture by packet width, frustum "
+                                           "culling both", methods, culls, labels, METHODS);
 }
 
 /* ---- >>overbeck-plots ----------------------------------------------------------------------------------------------- */
@@ -1011,7 +1011,7 @@ static bool overbeck_culling(overbeck *h)
         fflush(stdout);
     }
     if (!h->a.json) {
-        printf("both x none, geometric mean of the scenes (the paper: up to 2 for primary and shadow rays, 1.2 to 1.3 for others)\n%12s", "");
+        printf("both x none, geometric mean of the scenes (the paper: up to 2 for primary and shadow, 1.2 to 1.3 for others)\n%12s", "");
         for (set = 0; set < SET_DIFFUSE; set++) printf(" %10s", overbeck_sets[set].name);
         printf("\n");
         for (side = 0; side < SIDES; side++) {
