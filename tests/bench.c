@@ -760,7 +760,7 @@ static bool measure_all(entry *entries, size_t count, const batch *b, pool *thre
     return same;
 }
 
-/* One pass of each, not timed, which counts ours; also where an option that is not allowed is found out. */
+/* One pass of each, not timed, which counts ours. */
 static bool count_all(entry *entries, size_t count, const batch *b)
 {
     size_t i;
@@ -1075,6 +1075,8 @@ static bool add_ours(bench *s, const rt_algorithm_info *info, rt_structure struc
 {
     entry *e;
     rt_info built;
+    rt_trace_options check;
+    rt_error error;
 
     if (!build(s, structure, a, threads)) return false;
     e = add_entry(s);
@@ -1092,7 +1094,9 @@ static bool add_ours(bench *s, const rt_algorithm_info *info, rt_structure struc
     e->bytes = built.bytes;
     e->trace = our_trace;
     e->compare = our_compare;
-    return true;
+    check = e->options;
+    check.error = &error;
+    return rt_trace(e->accel, &check, NULL, 0, NULL) == RT_OK || complain("%s: %s", e->name, error.message);
 }
 
 /* Is there an algorithm of its own for structure? */
@@ -1219,7 +1223,7 @@ static batch make_batch(const bench *s, ray_kind kind, const arguments *a)
 }
 
 /* Counts, times and checks all entries on *b. *same becomes false where one finds another thing than accel's default algorithm. False:
-   an option is not allowed; nothing is measured. */
+   one cannot be run; nothing is measured. */
 static bool measure_batch(bench *s, const batch *b, const rt_accel *accel, pool *threads, int rounds, bool *same)
 {
     rt_trace_options options;

@@ -1031,7 +1031,7 @@ static bool overbeck_culling(overbeck *h)
 
 static bool overbeck_auto(overbeck *h)
 {
-    double log_sum = 0, least = INFINITY;
+    double log_sum = 0, least = HUGE_VAL;
     size_t i, n = 0;
     int set;
 
