@@ -51,7 +51,7 @@ test: all
 	$(B)/rt_test
 
 bench: $(B)/bench | out
-	$(B)/bench $(or $(BENCH),--paper all --svg out/horn_figure2.svg)
+	$(B)/bench $(or $(BENCH),--paper all --svg out)
 
 # Sanitizers see every test; valgrind, 30 times slower, those that matter for memory; the thread sanitizer those with threads.
 VALGRIND_TESTS = hits.mixed hits.spheres hits.short instances.deep instances.bad rays refit build.layouts build.quality kdtree.nested kdtree.options \

@@ -1,15 +1,17 @@
 /* bench.c - speed of every algorithm on every kind of ray, with Embree beside them; and the tables of the papers that the algorithms
    come from, on our machine.    SPDX-License-Identifier: MIT OR Unlicense
 
-   >>vectors  >>rays  >>entries  >>embree  >>arguments  >>measure  >>output  >>scenes  >>speed, bench_horn.h, >>main
+   >>vectors  >>rays  >>entries  >>embree  >>arguments  >>measure  >>output  >>plots  >>scenes  >>speed, bench_horn.h,
+   bench_overbeck.h, >>main
 
    How the numbers are made
      rays       One array for each scene and kind, made once, given to every algorithm in the same order. Primary rays of a pinhole, in
-                tiles of 16 x 16 pixels in Z order, so that 4, 8 and 256 rays that follow each other are blocks of 2 x 2, 4 x 2 and
-                16 x 16 pixels. Secondary rays keep the order of their primary rays; a primary ray that misses has none.
-     time       Rounds A B C ... A B C ..., the first of which only warms up; the number is the median of the others. One measurement
-                traces the whole array as often as it takes to fill MEASURE_SECONDS.
-     counts     From a pass of its own, so that counting is not timed.
+                tiles of 32 x 32 pixels in Z order, so that 4, 8, 16, 64, 256 and 1024 rays that follow each other are blocks of
+                2 x 2, 4 x 2, 4 x 4 ... 32 x 32 pixels. Secondary rays keep the order of their primary rays; a primary ray that
+                misses has none.
+     time       Rounds A B C ... A B C ...; the number is their median. One measurement traces the whole array as often as it takes
+                to fill MEASURE_SECONDS.
+     counts     From a pass of its own before that, so that counting is not timed; it also warms up.
      checks     Every hit of every algorithm is compared with those of rt_trace's defaults, bit for bit: a difference is an error.
                 Embree's hits are compared for information; it rounds differently.
      peers      Embree gets its own layout of the same rays, filled outside the timing, as ours are. It runs with the processor's
@@ -28,13 +30,14 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <time.h>
 
 #ifdef RT_BENCH_EMBREE
 #include <embree3/rtcore.h>
 #endif
 
-#define MEASURE_SECONDS 0.1                 /* the least work that one measurement times */
+#define MEASURE_SECONDS 0.1                 /* the least work that one measurement times, where the table does not say less */
 #define CHUNK 4096u                         /* rays a thread takes at once: a multiple of every packet size */
 #define RAY_EPSILON 1e-4f                   /* secondary rays start and end this far, in units of their length, off what they join */
 #define MAX_ROUNDS 1000
@@ -68,6 +71,8 @@ static const char *const kind_names[KIND_COUNT] = { "primary", "shadow", "reflec
 
 typedef struct {
     ray_kind kind;
+    const char *label;                      /* the kind, and in papers' tables which bounce */
+    double seconds;                         /* the least work that one measurement times */
     rt_query query;
     const rt_ray *rays;
     size_t count;
@@ -76,10 +81,12 @@ typedef struct {
     uint32_t *packets;                      /* the rays in a peer's layout, and its answers */
 } batch;
 
-/* Bits 0, 2, 4 and 6 of i, put together: x of the i-th cell along a Z curve over 16 x 16 cells; of i / 2: y. */
+enum { TILE = 32, TILE_RAYS = TILE * TILE };
+
+/* Bits 0, 2, 4, 6 and 8 of i, put together: x of the i-th cell along a Z curve over a tile; of i / 2: y. */
 static int even_bits(unsigned i)
 {
-    return (int)((i & 1) | (i >> 1 & 2) | (i >> 2 & 4) | (i >> 3 & 8));
+    return (int)((i & 1) | (i >> 1 & 2) | (i >> 2 & 4) | (i >> 3 & 8) | (i >> 4 & 16));
 }
 
 /* One ray through the middle of each pixel; rays has room for width * height. */
@@ -89,9 +96,9 @@ static void make_primary(const rt_camera *camera, int width, int height, rt_ray 
     size_t count = 0;
     unsigned i;
 
-    for (tile_y = 0; tile_y < height; tile_y += 16)
-        for (tile_x = 0; tile_x < width; tile_x += 16)
-            for (i = 0; i < 256; i++) {
+    for (tile_y = 0; tile_y < height; tile_y += TILE)
+        for (tile_x = 0; tile_x < width; tile_x += TILE)
+            for (i = 0; i < TILE_RAYS; i++) {
                 int x = tile_x + even_bits(i), y = tile_y + even_bits(i >> 1);
                 if (x < width && y < height)
                     rays[count++] = rt_camera_ray(camera, (float)x + 0.5f, (float)y + 0.5f, width, height);
@@ -120,18 +127,21 @@ static rt_vec3 vertex_at(const rt_geometry *geometry, size_t index)
     return v;
 }
 
-/* The surface's true normal at a hit, of unit length, towards where the ray came from. */
-static rt_vec3 facing_normal(const rt_geometry *geometry, const rt_hit *hit, rt_vec3 point, rt_vec3 dir)
+/* The surface's true normal at a hit, of unit length, outwards. */
+static rt_vec3 outer_normal(const rt_geometry *geometry, const rt_hit *hit, rt_vec3 point)
 {
-    rt_vec3 n, corner[3];
+    rt_vec3 corner[3];
     size_t i;
 
-    if (hit->prim < geometry->triangle_count) {
-        for (i = 0; i < 3; i++) corner[i] = vertex_at(geometry, vertex_index(geometry, 3 * (size_t)hit->prim + i));
-        n = unit(cross(sub(corner[1], corner[0]), sub(corner[2], corner[0])));
-    } else {
-        n = unit(sub(point, geometry->spheres[hit->prim - geometry->triangle_count].center));
-    }
+    if (hit->prim >= geometry->triangle_count) return unit(sub(point, geometry->spheres[hit->prim - geometry->triangle_count].center));
+    for (i = 0; i < 3; i++) corner[i] = vertex_at(geometry, vertex_index(geometry, 3 * (size_t)hit->prim + i));
+    return unit(cross(sub(corner[1], corner[0]), sub(corner[2], corner[0])));
+}
+
+/* The same, towards where the ray came from. */
+static rt_vec3 facing_normal(const rt_geometry *geometry, const rt_hit *hit, rt_vec3 point, rt_vec3 dir)
+{
+    const rt_vec3 n = outer_normal(geometry, hit, point);
     return dot(n, dir) > 0 ? vec(-n.x, -n.y, -n.z) : n;
 }
 
@@ -176,7 +186,7 @@ static size_t make_secondary(ray_kind kind, const rt_geometry *geometry, rt_vec3
 typedef struct entry entry;
 struct entry {
     const char *name, *structure;
-    int packet;                             /* as asked for; 0 = the algorithm's default */
+    int packet;                             /* width; 0: auto chooses it */
     size_t bytes;
     double build_seconds;
     bool counted;                           /* stats are known */
@@ -380,7 +390,7 @@ typedef struct {
     size_t scene_count;
     const char *rays, *algorithms, *papers; /* comma lists */
     const char *scene_folder;               /* NULL: none */
-    const char *svg;                        /* NULL: no plot */
+    const char *svg;                        /* where plots go, see >>plots; NULL: none */
     int structure;                          /* RT_STRUCTURE_COUNT: each */
     int packet, cull, isa, width, height, threads, rounds;              /* width, height, rounds 0: the table's default */
     int short_stack, quality;               /* 0: the library's default */
@@ -401,10 +411,19 @@ typedef struct {
     X(HORN_FRAMES,  "horn.1",       "Table 1: frames a second with shadows or a bounce")      \
     X(HORN_SCALING, "horn.scaling", "build time against the number of triangles")
 
+#define OVERBECK_TABLES(X)                                                                          \
+    X(OVERBECK_RATES,   "overbeck.5",       "Figure 5: Masked, Ranged, Partition by packet width")  \
+    X(OVERBECK_DEPTHS,  "overbeck.6",       "Figure 6: tests by depth in the tree")                 \
+    X(OVERBECK_CULLING, "overbeck.7",       "Figure 7: what frustum culling gains")                 \
+    X(OVERBECK_FRAMES,  "overbeck.2",       "Table 2: frames a second, large packets beside SIMD")  \
+    X(OVERBECK_AUTO,    "overbeck.auto",    "what auto picks, beside the best fixed choice")        \
+    X(OVERBECK_THREADS, "overbeck.threads", "frames on one thread and on two")
+
 #define TABLE_ENUM(id, word, what) id,
 #define TABLE_WORD(id, word, what) word,
 enum { HORN_TABLES(TABLE_ENUM) HORN_TABLE_COUNT };
-static const char *const paper_words[] = { "speed", "horn", HORN_TABLES(TABLE_WORD) };
+enum { OVERBECK_TABLES(TABLE_ENUM) OVERBECK_TABLE_COUNT };
+static const char *const paper_words[] = { "speed", "horn", HORN_TABLES(TABLE_WORD) "overbeck", OVERBECK_TABLES(TABLE_WORD) };
 enum { PAPER_WORDS = sizeof paper_words / sizeof *paper_words };
 
 static bool complain(const char *format, ...) __attribute__((format(printf, 1, 2)));
@@ -622,29 +641,33 @@ static void print_help(void)
            "  --scene S          an .obj or .nff file, or a procedural scene (below); may be repeated; default: some of each\n"
            "  --rays LIST        primary,shadow,reflect,diffuse or all (the default)\n"
            "  --algorithm LIST   names from below, or all (the default): all that are built, and peers\n"
-           "  --packet N         packet width for algorithms that have packets; 0: their default; all: each\n"
+           "  --packet N         packet width for algorithms that have packets; 0: their default; all: each. With --algorithm all\n"
+           "                     those that do not have N are left out\n"
            "  --structure NAME   only algorithms on this structure\n"
-           "  --cull NAME        frustum culling\n"
+           "  --cull NAME        frustum culling, default none; others than bvh.masked, bvh.ranged and bvh.partition have none\n"
            "  --isa NAME         instructions to use\n"
            "  --size WxH         primary rays, default 512x512\n"
            "  --threads N        default 1; 0: one a processor\n"
-           "  --repeat N         measured rounds, default 5, after one to warm up\n"
+           "  --repeat N         measured rounds, default 5, after a pass that counts and warms up\n"
            "  --eye X,Y,Z --look X,Y,Z --up X,Y,Z --fov DEGREES --light X,Y,Z   instead of the scene's\n"
            "  --quality NAME     of the trees\n"
            "  --traversal-cost X, --empty-bonus X, --max-duplication X   of the builders, as in rt_build_options\n"
            "  --short-stack N    entries of kd.shortstack, 1 to %d, default 3\n"
            "  --json             one JSON object a line instead of tables\n"
            "  --paper LIST       what to print, default speed: words from below, or all\n"
-           "\nthe tables of papers, by default at 1024x1024, median of 3, on scenes like the paper's; --rays, --algorithm, --packet,\n"
-           "--structure and --cull say nothing to them\n"
+           "\nthe tables of papers, on scenes like the paper's, median of 3, by default at 1024x1024, but at 512x512 for single kinds of\n"
+           "rays of overbeck; --rays, --algorithm, --packet, --structure and --cull say nothing to them\n"
            "  --scenes DIR       on the paper's own scenes, from this folder; default: the environment's RT_SCENES, else procedural\n"
-           "  --svg FILE         plots Figure 2 to it\n"
+           "  --svg FILE         plots horn.figure2, overbeck.5, overbeck.6 and overbeck.7: where only one of them is asked for to FILE,\n"
+           "                     else to horn_figure2.svg, overbeck_figure5.svg ... beside it. FILE may be a folder\n"
            "  --triangles N      the most in horn.scaling, default 4000000\n"
            "\nwords of --paper\n"
-           "  speed          every algorithm on every kind of ray, and peers\n"
-           "  horn           all of Horn et al. 2007, the k-d tree:\n", RT_MAX_SHORT_STACK);
-#define TABLE_HELP(id, word, what) printf("    %-12s %s\n", word, what);
+           "  speed              every algorithm on every kind of ray, and peers\n"
+           "  horn               all of Horn et al. 2007, the k-d tree:\n", RT_MAX_SHORT_STACK);
+#define TABLE_HELP(id, word, what) printf("    %-16s %s\n", word, what);
     HORN_TABLES(TABLE_HELP)
+    printf("  overbeck           all of Overbeck et al. 2008, large packets of rays:\n");
+    OVERBECK_TABLES(TABLE_HELP)
     printf("\nalgorithms\n");
     for (i = 0; (info = rt_algorithm_get(i)) != NULL; i++)
         printf("  %-21s %s%s\n", info->name, info->what, info->built ? "" : " (not built yet)");
@@ -695,7 +718,7 @@ static double measure(const entry *e, const batch *b, pool *threads)
         pool_for(threads, (b->count + CHUNK - 1) / CHUNK, trace_chunk, &w);
         total += now() - start;
         passes++;
-    } while (total < MEASURE_SECONDS);
+    } while (total < b->seconds);
     return total / passes;
 }
 
@@ -719,11 +742,10 @@ static bool measure_all(entry *entries, size_t count, const batch *b, pool *thre
     size_t i;
     int round;
 
-    for (round = 0; round <= rounds; round++)
+    for (round = 0; round < rounds; round++)
         for (i = 0; i < count; i++) {
-            double seconds = measure(&entries[i], b, threads);
-            if (round > 0) entries[i].seconds[round - 1] = seconds;
-            else entries[i].compare(&entries[i], b);
+            entries[i].seconds[round] = measure(&entries[i], b, threads);
+            if (round == 0) entries[i].compare(&entries[i], b);
         }
     for (i = 0; i < count; i++) {
         entry *e = &entries[i];
@@ -731,12 +753,12 @@ static bool measure_all(entry *entries, size_t count, const batch *b, pool *thre
         e->spread = (e->seconds[rounds - 1] - e->seconds[0]) / e->median;
         if (e->accel && e->other_hits)
             same = complain("%s on %s finds %zu of %zu %s hits that differ", e->name, e->structure, e->other_hits, b->count,
-                            kind_names[b->kind]);
+                            b->label);
     }
     return same;
 }
 
-/* Counts one pass of each of our entries; also where an option that is not allowed is found out. */
+/* One pass of each, not timed, which counts ours; also where an option that is not allowed is found out. */
 static bool count_all(entry *entries, size_t count, const batch *b)
 {
     size_t i;
@@ -744,7 +766,11 @@ static bool count_all(entry *entries, size_t count, const batch *b)
         entry *e = &entries[i];
         rt_trace_options options = e->options;
         rt_error error;
-        if (!e->accel) continue;
+        if (!e->accel) {
+            if (e->prepare) e->prepare(e, b);
+            e->trace(e, b, 0, b->count);
+            continue;
+        }
         memset(&e->stats, 0, sizeof e->stats);
         options.stats = &e->stats;
         options.error = &error;
@@ -782,12 +808,11 @@ static void begin_json(const char *table, const char *scene_name)
     print_json_string(scene_name);
 }
 
-static void print_json(const char *table, const entry *e, const batch *b, const char *scene_name, size_t primitives, const arguments *a,
-                       int threads)
+static void print_json(const char *table, const entry *e, const batch *b, const char *scene_name, size_t primitives, int threads)
 {
     begin_json(table, scene_name);
     printf(",\"primitives\":%zu,\"structure\":\"%s\",\"algorithm\":\"%s\",\"packet\":%d,\"cull\":\"%s\",\"rays\":\"%s\",\"threads\":%d,",
-           primitives, e->structure, e->name, e->packet, cull_names[e->accel ? a->cull : RT_CULL_NONE], kind_names[b->kind], threads);
+           primitives, e->structure, e->name, e->packet, cull_names[e->options.cull], b->label, threads);
     printf("\"mrays_per_s\":%.4f,", (double)b->count / e->median * 1e-6);
     print_json_rate("nodes_per_ray", e, e->stats.nodes);
     print_json_rate("boxes_per_ray", e, e->stats.boxes);
@@ -802,13 +827,15 @@ static void print_table(const entry *entries, size_t count, const batch *b)
 
     for (i = 0; i < count; i++)
         if (strcmp(entries[i].name, "bvh.stack") == 0) base = &entries[i];
-    printf("%-8s %8zu rays                   Mrays/s spread  x bvh.stack    nodes    boxes    prims  differs\n",
-           kind_names[b->kind], b->count);
+    printf("%-8s %8zu rays            packet cull     Mrays/s spread  x bvh.stack    nodes    boxes    prims  differs\n", b->label,
+           b->count);
     for (i = 0; i < count; i++) {
         const entry *e = &entries[i];
+        const bool culls = e->accel && rt_algorithm_get((size_t)e->options.algorithm)->culls;
         char packet[16] = "";
         if (e->packet) snprintf(packet, sizeof packet, "%d", e->packet);
-        printf("  %-21s %-8s %4s %9.3f %5.1f%%", e->name, e->structure, packet, (double)b->count / e->median * 1e-6, 100 * e->spread);
+        printf("  %-21s %-8s %4s %-7s %9.3f %5.1f%%", e->name, e->structure, packet, culls ? cull_names[e->options.cull] : "",
+               (double)b->count / e->median * 1e-6, 100 * e->spread);
         if (base) printf(" %12.2f", base->median / e->median);
         else printf(" %12s", "");
         if (e->accel) {
@@ -819,6 +846,94 @@ static void print_table(const entry *entries, size_t count, const batch *b)
             printf(" %8s %8s %8s  %zu + %zu\n", "", "", "", e->other_hits, e->other_prims);
         }
     }
+}
+
+/* ---- >>plots -------------------------------------------------------------------------------------------------------- */
+
+/* The words of --paper that make a plot, and the names of their files. */
+static const struct { const char *paper, *word, *file; } plots[] = {
+    { "horn", "horn.figure2", "horn_figure2.svg" },       { "overbeck", "overbeck.5", "overbeck_figure5.svg" },
+    { "overbeck", "overbeck.6", "overbeck_figure6.svg" }, { "overbeck", "overbeck.7", "overbeck_figure7.svg" },
+};
+enum { PLOTS = sizeof plots / sizeof *plots };
+
+/* Where the plot of word goes: to --svg, if that is no folder and this is the only plot asked for; else to its own name in that folder. */
+static void plot_path(const arguments *a, const char *word, char *out, size_t size)
+{
+    const char *slash = strrchr(a->svg, '/'), *name = NULL;
+    struct stat status;
+    const bool folder = stat(a->svg, &status) == 0 && S_ISDIR(status.st_mode);
+    int i, wanted = 0;
+
+    for (i = 0; i < PLOTS; i++) {
+        wanted += wants(a, plots[i].paper, plots[i].word);
+        if (strcmp(word, plots[i].word) == 0) name = plots[i].file;
+    }
+    if (folder) snprintf(out, size, "%s%s%s", a->svg, slash && !slash[1] ? "" : "/", name);
+    else if (wanted == 1) snprintf(out, size, "%s", a->svg);
+    else snprintf(out, size, "%.*s%s", slash ? (int)(slash - a->svg) + 1 : 0, a->svg, name);
+}
+
+/* Opens the plot of word; NULL, and a complaint: it cannot. */
+static FILE *plot_open(const arguments *a, const char *word, double width, double height, const char *title)
+{
+    char path[4096];
+    FILE *file;
+
+    plot_path(a, word, path, sizeof path);
+    file = fopen(path, "w");
+    if (!file) return complain("%s: %s", path, strerror(errno)), NULL;
+    fprintf(file, "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%.0f\" height=\"%.0f\" font-family=\"sans-serif\" "
+            "font-size=\"11\">\n<title>%s</title><rect width=\"100%%\" height=\"100%%\" fill=\"#fff\"/>\n", width, height, title);
+    return file;
+}
+
+static bool plot_close(const arguments *a, const char *word, FILE *file)
+{
+    char path[4096];
+    bool written;
+
+    plot_path(a, word, path, sizeof path);
+    fprintf(file, "</svg>\n");
+    written = !ferror(file);
+    if (fclose(file) != 0 || !written) return complain("%s: cannot be written", path);
+    if (!a->json) printf("  plotted in %s\n", path);
+    return true;
+}
+
+static void svg_text(FILE *file, double x, double y, const char *anchor, const char *color, const char *text)
+{
+    fprintf(file, "<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\" fill=\"%s\">", x, y, anchor, color);
+    for (; *text; text++)
+        if (strchr("<>&", *text)) fprintf(file, "&#%d;", *text);
+        else fputc(*text, file);
+    fprintf(file, "</text>\n");
+}
+
+/* The least of 1, 2, 5, 10, 20, 50 ... that is not below x. */
+static double round_up(double x)
+{
+    static const double steps[] = { 1, 2, 5, 10 };
+    const double ten = pow(10, floor(log10(x)));
+    int i = 0;
+    while (i < 3 && steps[i] * ten < x) i++;
+    return steps[i] * ten;
+}
+
+/* Horizontal lines with their numbers, of an axis from 0 to at least most; returns where it ends. x0, y0: the panel's left lower corner. */
+static double svg_scale(FILE *file, double x0, double y0, double width, double height, double most)
+{
+    const double step = round_up(most / 5), end = step * ceil(most / step);
+    char label[32];
+    double y;
+
+    for (y = 0; y <= end * 1.001; y += step) {
+        const double at = y0 - y / end * height;
+        fprintf(file, "<path d=\"M%.1f %.1fh%.1f\" stroke=\"#ddd\"/>\n", x0, at, width);
+        snprintf(label, sizeof label, "%.6g", y);
+        svg_text(file, x0 - 5, at + 4, "end", "#000", label);
+    }
+    return end;
 }
 
 /* ---- >>scenes ------------------------------------------------------------------------------------------------------- */
@@ -927,22 +1042,34 @@ static bool build(bench *s, rt_structure structure, const arguments *a, pool *th
     return true;
 }
 
-/* The width that a packet_width of 0 stands for, with the entry's instructions; 0 where no width is allowed: then rt_trace will say why. */
-static int widest(const entry *e)
+/* Does accel take this algorithm with this packet_width, with the instructions that a asks for? */
+static bool takes(const rt_accel *accel, const arguments *a, rt_algorithm algorithm, int packet)
+{
+    rt_trace_options options;
+
+    memset(&options, 0, sizeof options);
+    options.algorithm = algorithm;
+    options.packet_width = packet;
+    options.isa = (rt_isa)a->isa;
+    return rt_trace(accel, &options, NULL, 0, NULL) == RT_OK;
+}
+
+/* The width that a packet_width of 0 stands for: the widest, of large packets 16. 0: the rays decide; or no width is allowed, and rt_trace
+   will say why. */
+static int default_width(const rt_accel *accel, const arguments *a, const rt_algorithm_info *info)
 {
     int widths[MAX_WIDTHS];
-    size_t count = rt_packet_widths(e->options.algorithm, widths, MAX_WIDTHS);
-    rt_trace_options options = e->options;
+    size_t count = rt_packet_widths(info->algorithm, widths, MAX_WIDTHS);
 
-    options.error = NULL;
-    while (count > 0) {
-        options.packet_width = widths[--count];
-        if (rt_trace(e->accel, &options, NULL, 0, NULL) == RT_OK) return options.packet_width;
-    }
+    if (info->algorithm == RT_AUTO) return 0;
+    if (info->culls) return 16;
+    while (count > 0)
+        if (takes(accel, a, info->algorithm, widths[--count])) return widths[count];
     return 0;
 }
 
-static bool add_ours(bench *s, const rt_algorithm_info *info, rt_structure structure, int packet, const arguments *a, pool *threads)
+static bool add_ours(bench *s, const rt_algorithm_info *info, rt_structure structure, int packet, rt_cull cull, const arguments *a,
+                     pool *threads)
 {
     entry *e;
     rt_info built;
@@ -954,11 +1081,11 @@ static bool add_ours(bench *s, const rt_algorithm_info *info, rt_structure struc
     e->name = info->name;
     e->structure = structure_names[structure];
     e->options.algorithm = info->algorithm;
-    e->options.cull = (rt_cull)a->cull;
+    e->options.cull = cull;
     e->options.isa = (rt_isa)a->isa;
     e->options.short_stack = a->short_stack;
     e->accel = s->accels[structure];
-    e->packet = e->options.packet_width = packet ? packet : widest(e);
+    e->packet = e->options.packet_width = packet ? packet : default_width(e->accel, a, info);
     e->build_seconds = s->build_seconds[structure];
     e->bytes = built.bytes;
     e->trace = our_trace;
@@ -976,11 +1103,12 @@ static bool structure_built(rt_structure structure)
     return false;
 }
 
-/* An entry for each of our algorithms that a asks for, on each structure it runs on, at each packet width. */
+/* An entry for each of our algorithms that a asks for, on each structure it runs on, at each packet width. What only "all" has asked for
+   is left out where it does not have the width; and culling is for those that can. */
 static bool add_all_ours(bench *s, const arguments *a, pool *threads)
 {
     const rt_algorithm_info *info;
-    bool all = strcmp(a->algorithms, "all") == 0;
+    bool all = strcmp(a->algorithms, "all") == 0, any_packet = false, any_cull = false;
     size_t i, k;
     int structure;
 
@@ -993,12 +1121,20 @@ static bool add_all_ours(bench *s, const arguments *a, pool *threads)
             if (info->structure != RT_STRUCTURE_COUNT && (int)info->structure != structure) continue;
             if (a->structure != RT_STRUCTURE_COUNT && a->structure != structure) continue;
             if (!structure_built((rt_structure)structure)) continue;
+            if (!build(s, (rt_structure)structure, a, threads)) return false;
             if (a->packet == ALL_PACKETS && info->packets) count = rt_packet_widths(info->algorithm, widths, MAX_WIDTHS);
             else if (info->packets) widths[0] = a->packet;
-            for (k = 0; k < count; k++)
-                if (!add_ours(s, info, (rt_structure)structure, widths[k], a, threads)) return false;
+            for (k = 0; k < count; k++) {
+                if ((all || count > 1) && !takes(s->accels[structure], a, info->algorithm, widths[k])) continue;
+                any_packet = any_packet || widths[k];
+                any_cull = any_cull || info->culls;
+                if (!add_ours(s, info, (rt_structure)structure, widths[k], info->culls ? (rt_cull)a->cull : RT_CULL_NONE, a, threads))
+                    return false;
+            }
         }
     }
+    if (a->packet > 0 && !any_packet) return complain("--packet %d: no algorithm asked for has packets of that width", a->packet);
+    if (a->cull != RT_CULL_NONE && !any_cull) return complain("--cull %s: no algorithm asked for has a frustum", cull_names[a->cull]);
     return true;
 }
 
@@ -1067,6 +1203,8 @@ static batch make_batch(const bench *s, ray_kind kind, const arguments *a)
     batch b;
 
     b.kind = kind;
+    b.label = kind_names[kind];
+    b.seconds = MEASURE_SECONDS;
     b.query = kind == SHADOW ? RT_ANY : RT_CLOSEST;
     b.rays = kind == PRIMARY ? m->primary : m->rays;
     b.count = pixels;
@@ -1129,7 +1267,7 @@ static bool speed_of_kind(bench *s, ray_kind kind, const rt_accel *accel, const 
     if (!measure_batch(s, &b, accel, threads, a->rounds, &same)) return false;
     if (a->json)
         for (i = 0; i < s->entry_count; i++)
-            print_json(NULL, &s->entries[i], &b, s->content.name, geometry->triangle_count + geometry->sphere_count, a,
+            print_json(NULL, &s->entries[i], &b, s->content.name, geometry->triangle_count + geometry->sphere_count,
                        pool_threads(threads));
     else
         print_table(s->entries, s->entry_count, &b);
@@ -1196,6 +1334,7 @@ static bool speed_tables(const arguments *given, pool *threads)
 }
 
 #include "bench_horn.h"
+#include "bench_overbeck.h"
 
 /* ---- >>main --------------------------------------------------------------------------------------------------------- */
 
@@ -1211,6 +1350,7 @@ int main(int argc, char **argv)
         ok = threads || complain("the threads do not start");
         if (threads && listed(a.papers, "speed")) ok = speed_tables(&a, threads) && ok;
         if (threads) ok = horn_tables(&a, threads) && ok;
+        if (threads) ok = overbeck_tables(&a, threads) && ok;
     }
     pool_destroy(threads);
     free(a.scenes);

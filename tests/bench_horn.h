@@ -131,20 +131,14 @@ static bool horn_load(horn *h)
 static bool horn_has(const bench *s, const arguments *a, rt_algorithm algorithm, int packet)
 {
     const rt_accel *accel = s->accels[rt_algorithm_get((size_t)algorithm)->structure];
-    rt_trace_options options;
-
-    memset(&options, 0, sizeof options);
-    options.algorithm = algorithm;
-    options.packet_width = packet;
-    options.isa = (rt_isa)a->isa;
-    return accel && rt_trace(accel, &options, NULL, 0, NULL) == RT_OK;
+    return accel && takes(accel, a, algorithm, packet);
 }
 
 /* Appends the entry of an algorithm, if horn_has it. False: out of memory. */
 static bool horn_add(horn *h, bench *s, rt_algorithm algorithm, int packet)
 {
     const rt_algorithm_info *info = rt_algorithm_get((size_t)algorithm);
-    return !horn_has(s, &h->a, algorithm, packet) || add_ours(s, info, info->structure, packet, &h->a, h->threads);
+    return !horn_has(s, &h->a, algorithm, packet) || add_ours(s, info, info->structure, packet, RT_CULL_NONE, &h->a, h->threads);
 }
 
 /* The entry of an algorithm, or NULL. */
@@ -285,7 +279,7 @@ static bool horn_measure_rates(horn *h, horn_scene *s)
         }
         if (h->a.json)
             for (i = 0; i < b->entry_count; i++)
-                print_json("horn.2", &b->entries[i], &rays, b->content.name, horn_primitives(s), &h->a, pool_threads(h->threads));
+                print_json("horn.2", &b->entries[i], &rays, b->content.name, horn_primitives(s), pool_threads(h->threads));
     }
     return true;
 }
@@ -528,47 +522,21 @@ static bool horn_bounces(horn *h)
 
 enum { PANEL_WIDTH = 260, PANEL_HEIGHT = 200, PANEL_LEFT = 56, PANEL_TOP = 34, PANEL_RIGHT = 14, PANEL_BOTTOM = 40 };
 
-static void svg_text(FILE *file, double x, double y, const char *anchor, const char *color, const char *text)
-{
-    fprintf(file, "<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\" fill=\"%s\">", x, y, anchor, color);
-    for (; *text; text++)
-        if (strchr("<>&", *text)) fprintf(file, "&#%d;", *text);
-        else fputc(*text, file);
-    fprintf(file, "</text>\n");
-}
-
-/* The least of 1, 2, 5, 10, 20, 50 ... that is not below x. */
-static double round_up(double x)
-{
-    static const double steps[] = { 1, 2, 5, 10 };
-    const double ten = pow(10, floor(log10(x)));
-    int i = 0;
-    while (i < 3 && steps[i] * ten < x) i++;
-    return steps[i] * ten;
-}
-
 /* One scene's curves, in the panel whose left edge is at left. */
 static void horn_plot_scene(FILE *file, const horn_scene *s, double left)
 {
     static const char *const colors[HORN_FORMS] = { "#1b6ca8", "#d1495b", "#3a7d44" };
     const double x0 = left + PANEL_LEFT, y0 = PANEL_TOP + PANEL_HEIGHT, x_step = (double)PANEL_WIDTH / HORN_BOUNCES_MAX;
-    double most = 1e-3, step, y;
+    double most = 1e-3;
     char label[32];
     int bounce, form;
 
     for (form = 0; form < HORN_FORMS; form++)
         for (bounce = 0; bounce < HORN_BOUNCES_MAX; bounce++) most = fmax(most, s->bounces[form][bounce]);
-    step = round_up(most / 5);
-    most = step * ceil(most / step);
     svg_text(file, x0 + PANEL_WIDTH / 2.0, PANEL_TOP - 12, "middle", "#000", s->title);
     svg_text(file, x0, PANEL_TOP - 12, "end", "#000", "Mrays/s");
     svg_text(file, x0, y0 + 15, "end", "#000", "bounce");
-    for (y = 0; y <= most * 1.001; y += step) {
-        const double at = y0 - y / most * PANEL_HEIGHT;
-        fprintf(file, "<path d=\"M%.1f %.1fh%d\" stroke=\"#ddd\"/>\n", x0, at, PANEL_WIDTH);
-        snprintf(label, sizeof label, "%g", y);
-        svg_text(file, x0 - 5, at + 4, "end", "#000", label);
-    }
+    most = svg_scale(file, x0, y0, PANEL_WIDTH, PANEL_HEIGHT, most);
     for (bounce = 0; bounce < HORN_BOUNCES_MAX; bounce++) {
         snprintf(label, sizeof label, "%d", bounce + 1);
         svg_text(file, x0 + x_step * (bounce + 0.5), y0 + 15, "middle", "#000", label);
@@ -586,20 +554,13 @@ static void horn_plot_scene(FILE *file, const horn_scene *s, double left)
 static bool horn_plot(const horn *h)
 {
     const int panel = PANEL_LEFT + PANEL_WIDTH + PANEL_RIGHT;
-    FILE *file = fopen(h->a.svg, "w");
-    bool written;
+    FILE *file = plot_open(&h->a, "horn.figure2", (double)h->count * panel, PANEL_TOP + PANEL_HEIGHT + PANEL_BOTTOM,
+                           "Mrays/s of specular rays by bounce");
     size_t i;
 
-    if (!file) return complain("%s: %s", h->a.svg, strerror(errno));
-    fprintf(file, "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%zu\" height=\"%d\" font-family=\"sans-serif\" font-size=\"11\">\n"
-            "<title>Mrays/s of specular rays by bounce</title><rect width=\"100%%\" height=\"100%%\" fill=\"#fff\"/>\n",
-            h->count * (size_t)panel, PANEL_TOP + PANEL_HEIGHT + PANEL_BOTTOM);
+    if (!file) return false;
     for (i = 0; i < h->count; i++) horn_plot_scene(file, &h->scenes[i], (double)i * panel);
-    fprintf(file, "</svg>\n");
-    written = !ferror(file);
-    if (fclose(file) != 0 || !written) return complain("%s: cannot be written", h->a.svg);
-    if (!h->a.json) printf("  plotted in %s\n", h->a.svg);
-    return true;
+    return plot_close(&h->a, "horn.figure2", file);
 }
 
 /* ---- >>horn-frames -------------------------------------------------------------------------------------------------- */
@@ -608,7 +569,6 @@ enum { FRAME_SHADOW, FRAME_BOUNCE, FRAME_EFFECTS };
 enum { FRAME_TRACED, FRAME_RASTERISED, FRAME_PRIMARIES };
 static const char *const frame_primaries[FRAME_PRIMARIES] = { "traced", "rasterised" };
 typedef double frame_rates[FRAME_PRIMARIES][FRAME_EFFECTS][HORN_FORMS];         /* frames a second */
-enum { BLOCK = 16, BLOCK_RAYS = BLOCK * BLOCK };                /* pixels that a thread draws at once */
 
 /* How to draw one frame. */
 typedef struct {
@@ -638,23 +598,23 @@ static rt_vec3 phong(const bench *s, const rt_ray *ray, const rt_hit *hit, bool 
     return add_scaled(color, m->specular, powf(highlight, m->shininess));
 }
 
-/* Draws one block of pixels: primary hits, then a shadow ray or a specular bounce each. The camera's rays are those of trace_primary. */
-static void draw_block(void *context, size_t index)
+/* Draws one tile of pixels: primary hits, then a shadow ray or a specular bounce each. The camera's rays are those of trace_primary. */
+static void draw_tile(void *context, size_t index)
 {
     const frame *f = context;
     const rt_geometry *geometry = &f->s->content.geometry;
     const buffers *memory = f->s->memory;
-    const int across = (f->width + BLOCK - 1) / BLOCK;
-    const int left = (int)(index % (size_t)across) * BLOCK, top = (int)(index / (size_t)across) * BLOCK;
-    const int rows = f->height - top < BLOCK ? f->height - top : BLOCK;
+    const int across = (f->width + TILE - 1) / TILE;
+    const int left = (int)(index % (size_t)across) * TILE, top = (int)(index / (size_t)across) * TILE;
+    const int rows = f->height - top < TILE ? f->height - top : TILE;
     const rt_ray *primary = memory->primary + (size_t)top * (size_t)f->width + (size_t)left * (size_t)rows;
     rt_trace_options options = f->options;
-    rt_ray secondary[BLOCK_RAYS];
-    rt_hit hits[BLOCK_RAYS], second[BLOCK_RAYS];
-    rt_vec3 *pixel[BLOCK_RAYS];
+    rt_ray secondary[TILE_RAYS];
+    rt_hit hits[TILE_RAYS], second[TILE_RAYS];
+    rt_vec3 *pixel[TILE_RAYS];
     size_t count = 0, i, k;
 
-    for (i = 0; i < BLOCK_RAYS; i++) {
+    for (i = 0; i < TILE_RAYS; i++) {
         const int x = left + even_bits((unsigned)i), y = top + even_bits((unsigned)i >> 1);
         const size_t at = (size_t)y * (size_t)f->width + (size_t)x;
         if (x >= f->width || y >= f->height) continue;
@@ -686,7 +646,7 @@ static void draw_block(void *context, size_t index)
 static double draw_frame(frame *f)
 {
     const scene *content = &f->s->content;
-    const size_t across = (size_t)((f->width + BLOCK - 1) / BLOCK), blocks = across * (size_t)((f->height + BLOCK - 1) / BLOCK);
+    const size_t across = (size_t)((f->width + TILE - 1) / TILE), tiles = across * (size_t)((f->height + TILE - 1) / TILE);
     const double start = now();
 
     if (f->rasterise) {
@@ -704,7 +664,7 @@ static double draw_frame(frame *f)
             return -1;
         }
     }
-    pool_for(f->threads, blocks, draw_block, f);
+    pool_for(f->threads, tiles, draw_tile, f);
     return now() - start;
 }
 
