@@ -4068,7 +4068,10 @@ static rt_status rti_choose_kernels(rt_raster *r, rt_isa isa, rt_error *error)
     rti_batch_function batch;
     rti_job job;
     rt_status status;
+    int widths[8];
+    const size_t n = rti_widths(RT_AUTO, isa, widths, 8);
     memset(&trace, 0, sizeof trace);
+    trace.packet_width = n ? widths[n - 1] : 0;
     trace.isa = isa;
     trace.error = error;
     if ((status = rti_choose(&r->accel, &trace, RTI_BLOCK_RAYS, &batch, &job)) != RT_OK) return status;
