@@ -28,7 +28,7 @@
        implementation  >>platform >>memory    >>math     >>layout    >>instance >>validate >>refs    >>bins    >>bvh
                        >>kdtree   >>build-any >>refit    >>info      >>ray      >>tiles    >>surfaces >>passes
                        >>algorithms >>public  >>camera   >>raster    >>shading
-       one pass a SIMD width (this file includes itself)  >>wide  >>boxes  >>primitives  >>traverse  >>cover    >>shade
+       one pass a SIMD width (this file includes itself)  >>wide  >>boxes  >>primitives  >>traverse  >>large  >>batch  >>cover    >>shade
        license         >>license
 
    CONVENTIONS
@@ -60,8 +60,10 @@
      opt->no_backtrack, and 4 bytes for each time that a leaf with several primitives names one (at most opt->max_duplication a primitive).
      While building, RT_BVH takes 128 bytes a primitive more, half of them for nodes; RT_KDTREE 32 bytes a reference, twice at the top of
      the tree, and a lane of 1 MiB (208 KiB times opt->max_duplication), or 16 with a parallel_for. All is released before rt_build
-     returns; rt_get_info tells what an accel holds. Stack: 2 KiB for a single ray, 9 KiB for a packet, and as much again for each
-     level of instances.
+     returns; rt_get_info tells what an accel holds. Stack: 2 KiB for a single ray, 9 KiB for a packet of 4 or 8, and as much again for each
+     level of instances; large packets 40 KiB up to 16 x 16 rays, 168 KiB with 32 x 32, and 44 KiB for each level of instances. Of a packet
+     of 16 x 16, tests of boxes and edges read 8 KiB and all tests together 20 KiB: that stays in a first-level cache of 32 KiB. Of one of
+     32 x 32 only the former do, with 33 KiB, in one of 48.
 
    MACROS, each defined before the include
 
@@ -275,7 +277,10 @@ RT_API bool rt_instance_transform(const rt_accel *accel, uint32_t inst, float tr
 #define RTI_ALGORITHM_ENUM(name, text, structure, what) name,
 typedef enum { RT_ALGORITHM_LIST(RTI_ALGORITHM_ENUM) RT_ALGORITHM_COUNT } rt_algorithm;
 
-/* Frustum culling of large packets ([Overbeck] 4). */
+/* Frustum culling of large packets ([Overbeck] 4): boxes and triangles that no ray of the packet can hit are thrown out by the four side
+   planes of a frustum around it, by its corner rays, or by both. It never changes a hit. A frustum needs rays that go the same way along
+   some axis and do not start before their origin (tmin >= 0); others are traced without. Tight ones come of rays with one origin, or
+   that end in one point at t = 1, as shadow rays do. */
 #define RT_CULL_LIST(X) X(RT_CULL_NONE, "none") X(RT_CULL_CORNERS, "corners") X(RT_CULL_PLANES, "planes") X(RT_CULL_BOTH, "both")
 typedef enum { RT_CULL_LIST(RTI_ENUM) RT_CULL_COUNT } rt_cull;
 
@@ -321,8 +326,9 @@ typedef struct {
 /* Zero is the default of every field. */
 typedef struct {
     rt_algorithm algorithm;                 /* RT_AUTO */
-    int packet_width;                       /* 0 = the widest; else one of rt_packet_widths: 1 = single rays, 2 = 2x2, 8 = 8 rays */
-    rt_cull cull;
+    int packet_width;                       /* 0 = the default; else one of rt_packet_widths. SIMD rays and k-d trees: 1 = single rays, 2 = 2x2,
+                                               8 = 8 rays, 0 = the widest. Large packets: 4, 8, 16 or 32 rays a side, 0 = 16 */
+    rt_cull cull;                           /* of large packets; RT_AUTO decides itself */
     rt_query query;                         /* RT_CLOSEST */
     int short_stack;                        /* RT_KD_SHORTSTACK: entries, 1 to RT_MAX_SHORT_STACK; 0 = 3, as in [Horn] */
     const float *times;                     /* one a ray in [0,1], for moving instances; NULL = 0. No instance moves yet */
@@ -340,7 +346,7 @@ RT_API bool rt_intersect(const rt_accel *accel, const rt_ray *ray, rt_hit *hit);
 RT_API bool rt_occluded(const rt_accel *accel, const rt_ray *ray);
 
 /* Traces rays[0..count) and fills hits[0..count); any count, any order. Packets are made of rays that follow each other, so
-   give neighbours together. opt NULL = defaults. RT_ANY answers prim 0 for a hit, RT_NONE for a miss.
+   give neighbours together: in Morton order, say, where 4, 16, 64, 256 rays are squares. opt NULL = defaults. RT_ANY answers prim 0 for a hit, RT_NONE for a miss.
    Fails only for options that are not allowed (RT_ERROR_ARGUMENT), not built or not on this processor (RT_ERROR_UNSUPPORTED); hits is
    then untouched. */
 RT_API rt_status rt_trace(const rt_accel *accel, const rt_trace_options *opt, const rt_ray *rays, size_t count, rt_hit *hits);
@@ -715,6 +721,8 @@ RTI_INLINE float rti_float_up(double x)
     return f;
 }
 RTI_INLINE float rti_float_down(double x) { return -rti_float_up(-x); }
+
+RTI_INLINE float rti_maxf(float a, float b) { return a > b ? a : b; }       /* fmaxf is a call */
 
 RTI_INLINE bool rti_coordinate_ok(float x) { return x >= -RT_MAX_COORDINATE && x <= RT_MAX_COORDINATE; }     /* false for NaN */
 
@@ -4992,7 +5000,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_door RTI_NAME_(rti_door)
 #define rti_make_door RTI_NAME_(rti_make_door)
 #define rti_pass RTI_NAME_(rti_pass)
-#define rti_stretch_lanes RTI_NAME_(rti_stretch_lanes)
+#define rti_lane_range RTI_NAME_(rti_lane_range)
 #define rti_range RTI_NAME_(rti_range)
 #define rti_no_range RTI_NAME_(rti_no_range)
 #define rti_range_add RTI_NAME_(rti_range_add)
@@ -6370,7 +6378,7 @@ RTI_FN unsigned rti_pass(const rti_large *g, const rti_door *door, const rti_pac
 }
 
 /* Smallest and largest lane. */
-RTI_FN void rti_stretch_lanes(rti_v a, rti_v b, float *low, float *high)
+RTI_FN void rti_lane_range(rti_v a, rti_v b, float *low, float *high)
 {
     float lows[RTI_WIDTH], highs[RTI_WIDTH];
     int i;
@@ -6425,8 +6433,8 @@ RTI_FN bool rti_survey_slopes(const rti_large *g, rti_frustum *f)
     }
     f->steep = 0;
     for (a = 0; a < 2; a++) {
-        rti_stretch_lanes(range.low[a], range.high[a], &f->low[a], &f->high[a]);
-        f->steep = fmaxf(f->steep, fmaxf(fabsf(f->low[a]), fabsf(f->high[a])));
+        rti_lane_range(range.low[a], range.high[a], &f->low[a], &f->high[a]);
+        f->steep = rti_maxf(f->steep, rti_maxf(fabsf(f->low[a]), fabsf(f->high[a])));
     }
     return rti_vle(rti_vset(1e-20f), shortest) == RTI_ALL_LANES && f->steep <= RTI_STEEP;
 }
@@ -6450,7 +6458,7 @@ RTI_FN void rti_bound_general(const rti_large *g, rti_frustum *f)
     }
     for (a = 0; a < 2; a++) {
         float low[2], high[2];
-        for (end = 0; end < 2; end++) rti_stretch_lanes(range[end].low[a], range[end].high[a], &low[end], &high[end]);
+        for (end = 0; end < 2; end++) rti_lane_range(range[end].low[a], range[end].high[a], &low[end], &high[end]);
         f->bound[2 * a] = low[0];
         f->bound[2 * a + 1] = -high[0];
         f->slope[2 * a] = (low[1] - low[0]) / f->length;
@@ -6477,8 +6485,8 @@ RTI_FN bool rti_prepare_shared(const rt_accel *accel, rti_large *g)
         if (same != RTI_ALL_LANES) return false;
     }
     for (k = 0; k < 3; k++) {
-        far_out = fmaxf(far_out, fmaxf(fabsf(accel->lower[k] - org[k]), fabsf(accel->upper[k] - org[k])));
-        far = fmaxf(far, fabsf(org[k]));
+        far_out = rti_maxf(far_out, rti_maxf(fabsf(accel->lower[k] - org[k]), fabsf(accel->upper[k] - org[k])));
+        far = rti_maxf(far, fabsf(org[k]));
     }
     if (!(far <= RT_MAX_COORDINATE)) return false;
     reach = rti_vset(far_out);
@@ -6496,9 +6504,9 @@ RTI_FN bool rti_prepare_shared(const rt_accel *accel, rti_large *g)
         RTI_UNROLL
         for (k = 0; k < 3; k++) (void)rti_invert_dir(p, k, dir[k], bound, RTI_ALL_LANES);
     }
-    rti_stretch_lanes(shortest, longest, &least, &largest);
+    rti_lane_range(shortest, longest, &least, &largest);
     slack = accel->spread * 5.9604644775390625e-08f * (far + accel->extent) + far * 2.384185791015625e-07f;
-    pad = fmaxf(5.9604645e-08f, 2e-37f * (far_out + far) / least);      /* twice the clamp of the shortest */
+    pad = rti_maxf(5.9604645e-08f, 2e-37f * (far_out + far) / least);      /* twice the clamp of the shortest */
     pad = (far_out + slack) * (9.5367431640625e-07f + pad) * 1.000001f + slack + (largest + 1) * 1e-37f;
     g->pad = pad;
     return true;
@@ -6510,9 +6518,10 @@ RTI_NOINLINE RTI_TARGET void rti_make_frustum(const rt_accel *accel, rti_large *
     rti_frustum *f = &g->frustum;
     rti_range orgs = rti_no_range(), ends = rti_no_range();
     rti_v sum[3], pads = rti_vset(0), first = rti_vset(RTI_INFINITY), last = rti_vset(-RTI_INFINITY);
-    float org_low[3], org_high[3], end_low[3], end_high[3], reach = 0, pad, slack, tmin, tmax, unused;
+    float org_low[3], org_high[3], reach = 0, pad, slack, tmin, tmax, unused;
+    float end_low[3] = { 0, 0, 0 }, end_high[3] = { 0, 0, 0 }, lanes[RTI_WIDTH], most;
     unsigned sides[3] = { 0, 0, 0 };        /* bit 0: some ray goes up that axis, bit 1: some goes down */
-    bool to_point;
+    bool from_point = true, to_point;
     int i, k;
     sum[0] = sum[1] = sum[2] = rti_vset(0);
     for (i = 0; i < g->count; i++) {
@@ -6535,33 +6544,34 @@ RTI_NOINLINE RTI_TARGET void rti_make_frustum(const rt_accel *accel, rti_large *
             rti_range_add(&ends, k, rti_vadd(org, rti_vload(p->dir[k])));
         }
     }
-    rti_stretch_lanes(first, last, &tmin, &tmax);
-    if (!g->shared) rti_stretch_lanes(pads, pads, &unused, &g->pad);
+    rti_lane_range(first, last, &tmin, &tmax);
+    if (!g->shared) rti_lane_range(pads, pads, &unused, &g->pad);
     to_point = !g->shared && tmax <= 1;
     g->uniform = true;
     for (k = 0; k < 3; k++) {
-        float lanes[RTI_WIDTH], most;
-        org_low[k] = org_high[k] = end_low[k] = end_high[k] = g->rays[0].org[k][0];
+        org_low[k] = org_high[k] = g->rays[0].org[k][0];
         if (!g->shared) {
-            rti_stretch_lanes(orgs.low[k], orgs.high[k], &org_low[k], &org_high[k]);
-            rti_stretch_lanes(ends.low[k], ends.high[k], &end_low[k], &end_high[k]);
+            rti_lane_range(orgs.low[k], orgs.high[k], &org_low[k], &org_high[k]);
+            rti_lane_range(ends.low[k], ends.high[k], &end_low[k], &end_high[k]);
         }
+        from_point = from_point && org_low[k] == org_high[k];
         rti_vstore(lanes, sum[k]);
         g->way[k] = 0;
         for (i = 0; i < RTI_WIDTH; i++) g->way[k] += lanes[i];
         if (sides[k] == 3) g->uniform = false;
-        most = fmaxf(fabsf(org_low[k]), fabsf(org_high[k]));
-        reach = fmaxf(reach, most + fmaxf(fabsf(accel->lower[k]), fabsf(accel->upper[k])));
-        if (!(end_high[k] - end_low[k] <= 4.8e-7f * (most + fabsf(end_low[k]) + fabsf(end_high[k])))) to_point = false;
+        most = rti_maxf(fabsf(org_low[k]), fabsf(org_high[k]));
+        reach = rti_maxf(reach, most + rti_maxf(fabsf(accel->lower[k]), fabsf(accel->upper[k])));
+        to_point = to_point && end_high[k] - end_low[k] <= 4.8e-7f * (most + fabsf(end_low[k]) + fabsf(end_high[k]));
     }
-    g->apex = g->shared || to_point;
+    to_point = to_point && !from_point;
+    g->apex = from_point || to_point;
     g->apex_t = to_point ? 1 : 0;
     f->sway = g->apex ? 0.0f : -1.0f;
     for (k = 0; k < 3; k++) {
-        f->apex[k] = end_low[k] + (end_high[k] - end_low[k]) * 0.5f;
-        if (to_point) f->sway = fmaxf(f->sway, end_high[k] - end_low[k] + 4.8e-7f * (reach + fabsf(f->apex[k])));
+        f->apex[k] = from_point ? org_low[k] : end_low[k] + (end_high[k] - end_low[k]) * 0.5f;
+        if (to_point) f->sway = rti_maxf(f->sway, end_high[k] - end_low[k] + 4.8e-7f * (reach + fabsf(f->apex[k])));
     }
-    pad = g->pad + fmaxf(f->sway, 0) + 2.4e-7f * reach;
+    pad = g->pad + rti_maxf(f->sway, 0) + 2.4e-7f * reach;
     for (k = 0; k < 3; k++) {
         const float at = g->apex ? f->apex[k] : 0;
         g->near_plane[k] = k + (sides[k] & 2 ? 3 : 0);
@@ -6651,7 +6661,8 @@ typedef struct {
 /* The rays pass through the apex, so each edge's function is linear in a ray's slopes: (a x b)[k] + slope_u (a x b)[u] + slope_v (a x b)[v], with
    a and b its ends as seen from the apex. It is the function of rti_hit_triangle but for a factor which all three share, and rounding:
    that moves vertices by 8 e r, r being the farthest coordinate from the apex, and products of two by 64 e r^2; 64 more are added, and
-   sway. Where two functions have other signs by more than that doubt, the triangle is missed.
+   sway, which with rays that end at the apex knows how far away they begin. Where two functions have other signs by more than that
+   doubt, the triangle is missed.
    Answers the triangles that some ray may hit, by the corner rays ([Overbeck] 4): those whose edges have all of them on the same side. */
 RTI_FN unsigned rti_edges(const rti_large *g, rti_facets *t)
 {
@@ -6989,10 +7000,8 @@ RTI_FN void rti_large_body(const rt_accel *accel, rti_large *g, uint32_t inst, c
         else alive = rti_mask_rays(g, &door, !node->count, flags, job, depth);
 #if RTI_STATS
         if (flags & RTI_WALK_COUNT && alive) {
-            const bool all = kind == RT_BVH_MASKED && !node->count;
             const uint64_t rays = kind == RT_BVH_RANGED ? rti_count_rays(g, g->order + active, alive)
                                                         : rti_count_rays(g, g->order, alive);
-            (void)all;
             job->stats->steps++;
             job->stats->active += rays;
             if (node->count) job->stats->leaves += rays;
@@ -7906,7 +7915,7 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, rt_vec3 ligh
 #undef rti_door
 #undef rti_make_door
 #undef rti_pass
-#undef rti_stretch_lanes
+#undef rti_lane_range
 #undef rti_range
 #undef rti_no_range
 #undef rti_range_add
