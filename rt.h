@@ -3203,16 +3203,10 @@ typedef struct {
 
 typedef void (*rti_batch_function)(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits);
 
-static void rti_set_miss(rt_hit *hit)
-{
-    hit->t = RTI_INFINITY;
-    hit->u = hit->v = 0;
-    hit->prim = hit->inst = RT_NONE;
-}
-
 #define RTI_AUTO_RAYS 256u                  /* of a packet of RT_AUTO: 16 x 16 */
 #define RTI_TRIALS 64                       /* packets from one trial of RT_AUTO to the next; a quarter of it at first */
 
+#if RTI_PACKETS
 /* A clock that costs nothing to read, in units of its own; 0: there is none. */
 RTI_INLINE uint64_t rti_ticks(void)
 {
@@ -3237,6 +3231,7 @@ static void rti_learn(rti_tuner *tuner, bool large, float ticks)
     if (large) tuner->rest = 1;
     else tuner->rest = ++tuner->trials < 4 ? RTI_TRIALS / 4 : RTI_TRIALS;
 }
+#endif
 
 /* The i-th primitive of a leaf: i itself, or what slots says; see rti_kdnode. */
 RTI_INLINE uint32_t rti_slot(const uint32_t *slots, uint32_t i) { return slots ? slots[i] & RTI_COUNT_MASK : i; }
@@ -3331,6 +3326,13 @@ struct rt_raster {
 #define RTI_PACKET_COLUMNS(lanes) ((lanes) == 8 ? 4 : (lanes) == 4 ? 2 : 1)
 #define RTI_PACKET_ROWS(lanes) ((lanes) == 1 ? 1 : 2)
 #define RTI_COVER_SIDE(lanes) ((lanes) == 1 ? 8 : RTI_BLOCK)
+
+static void rti_set_miss(rt_hit *hit)
+{
+    hit->t = RTI_INFINITY;
+    hit->u = hit->v = 0;
+    hit->prim = hit->inst = RT_NONE;
+}
 
 RTI_INLINE void rti_project(const rti_lens *lens, const double p[3], double h[3])
 {
@@ -3607,10 +3609,13 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
     return RT_OK;
 }
 
-static const rt_trace_options rti_trace_defaults;
-
-static rt_status rti_check_call(const rt_accel *accel, const rt_trace_options *opt, size_t count)
+/* What every batch needs; *options becomes defaults where it is NULL. */
+static rt_status rti_check_call(const rt_accel *accel, const rt_trace_options **options, rt_trace_options *defaults, size_t count)
 {
+    const rt_trace_options *opt;
+    memset(defaults, 0, sizeof *defaults);
+    if (!*options) *options = defaults;
+    opt = *options;
     if (!accel) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "accel is NULL");
     if (count > SIZE_MAX / 2 / sizeof(rt_ray)) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "count is negative, or too large");
     return RT_OK;
@@ -3618,11 +3623,11 @@ static rt_status rti_check_call(const rt_accel *accel, const rt_trace_options *o
 
 RT_API rt_status rt_trace(const rt_accel *accel, const rt_trace_options *opt, const rt_ray *rays, size_t count, rt_hit *hits)
 {
+    rt_trace_options defaults;
     rti_batch_function batch;
     rti_job job;
     rt_status status;
-    if (!opt) opt = &rti_trace_defaults;
-    if ((status = rti_check_call(accel, opt, count)) != RT_OK) return status;
+    if ((status = rti_check_call(accel, &opt, &defaults, count)) != RT_OK) return status;
     if (count && (!rays || !hits)) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", rays ? "hits" : "rays");
     if ((status = rti_choose(accel, opt, count, &batch, &job)) != RT_OK) return status;
     batch(accel, &job, rays, count, hits);
@@ -3633,12 +3638,12 @@ RT_API rt_status rt_trace_arrays(const rt_accel *accel, const rt_trace_options *
                                  const rt_hit_arrays *hits)
 {
     static const char axes[] = "xyz";
+    rt_trace_options defaults;
     rti_batch_function batch;
     rti_job job;
     rt_status status;
     int k;
-    if (!opt) opt = &rti_trace_defaults;
-    if ((status = rti_check_call(accel, opt, count)) != RT_OK) return status;
+    if ((status = rti_check_call(accel, &opt, &defaults, count)) != RT_OK) return status;
     if (!rays || !hits) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", rays ? "hits" : "rays");
     for (k = 0; k < 3 && count; k++)
         if (!rays->org[k] || !rays->dir[k])
@@ -6920,7 +6925,7 @@ RTI_FN void rti_large_leaf(const rt_accel *accel, rti_large *g, const rti_door *
 /* A box test, counted. */
 RTI_FN unsigned rti_ask(const rti_large *g, const rti_door *door, int i, const int flags, const rti_job *job, int depth)
 {
-    (void)depth, (void)job;
+    (void)depth, (void)job, (void)flags;
     RTI_TALLY(job->stats, flags, boxes, rti_bit_count(g->rays[i].live));
     RTI_TALLY(job->stats, flags, boxes_at[depth], rti_bit_count(g->rays[i].live));
     return rti_pass(g, door, &g->rays[i]);
@@ -6929,7 +6934,7 @@ RTI_FN unsigned rti_ask(const rti_large *g, const rti_door *door, int i, const i
 RTI_FN bool rti_beside(const rti_large *g, const rti_door *door, const int flags, const rti_job *job)
 {
     bool beside;
-    (void)job;
+    (void)job, (void)flags;
     if (!g->cull) return false;
     beside = rti_cull_box(g, door->bounds);
     RTI_TALLY(job->stats, flags, frusta, 1);
