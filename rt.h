@@ -7248,9 +7248,9 @@ RTI_FN void rti_fetch(const rt_ray *rays, const rt_hit *hits)
     for (i = 0; i < RTI_WIDTH; i += 3) RTI_PREFETCH(hits + i);
 }
 
-/* The rays from first to last in packets of side x side. */
-RTI_FN void rti_batch_packets(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t first, size_t last, rt_hit *hits,
-                              rti_packet *packets)
+/* The rays from first to last, of count, in packets of side x side. */
+RTI_FN void rti_batch_packets(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t first, size_t last, size_t count,
+                              rt_hit *hits, rti_packet *packets)
 {
     const size_t size = (size_t)job->side * (size_t)job->side;
     rti_large g;
@@ -7272,7 +7272,7 @@ RTI_FN void rti_batch_packets(const rt_accel *accel, const rti_job *job, const r
         if (accel->node_count) rti_large_walk(accel, &g, RT_NONE, job);
         for (i = g.count = 0; i < n; i += RTI_WIDTH, g.count++) {
             const size_t at = first + (size_t)i;
-            if (at + 3 * size < last && !job->from) rti_fetch(rays + at + 2 * size, hits + at + size);
+            if (at + 3 * size < count && !job->from) rti_fetch(rays + at + 2 * size, hits + at + size);
             rti_give_hits(job, &packets[g.count], packets[g.count].found, hits, at, n - i < RTI_WIDTH ? n - i : RTI_WIDTH);
         }
     }
@@ -7282,17 +7282,17 @@ RTI_FN void rti_batch_packets(const rt_accel *accel, const rti_job *job, const r
 RTI_NOINLINE RTI_TARGET void rti_batch_large(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
 {
     rti_packet packets[RTI_SIMD_RAYS / 4];
-    rti_batch_packets(accel, job, rays, 0, count, hits, packets);
+    rti_batch_packets(accel, job, rays, 0, count, count, hits, packets);
 }
 RTI_NOINLINE RTI_TARGET void rti_batch_largest(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
 {
     rti_packet packets[RTI_SIMD_RAYS];
-    rti_batch_packets(accel, job, rays, 0, count, hits, packets);
+    rti_batch_packets(accel, job, rays, 0, count, count, hits, packets);
 }
 
 /* RT_AUTO on a BVH. [Overbeck] Table 1 has Ranged with culling for rays that stay together, and here RT_BVH_SIMD is faster than Partition
-   for those that do not. Which they are is found by trying: of every RTI_TRIALS packets of 16 x 16 one goes as a large one and one
-   does not, by the clock, and the others as it was faster. Counts of nodes, boxes and triangles foretell the time within 40 % only,
+   for those that do not. Which they are is found by trying: now and then a packet of 16 x 16, or two, goes as a large one and the
+   next does not, by the clock, and the others as it was faster. Counts of nodes, boxes and triangles foretell the time within 40 % only,
    since coherence is in the branches too. Hits do not tell how they were found; rt_stats would, so with them, as without a clock, large
    packets are taken for closest hits alone. */
 RTI_NOINLINE RTI_TARGET void rti_batch_auto(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
@@ -7306,12 +7306,13 @@ RTI_NOINLINE RTI_TARGET void rti_batch_auto(const rt_accel *accel, const rti_job
     part.side = 16;
     part.cull = RT_CULL_BOTH;
     for (first = 0; first < count; first = last) {
-        const size_t left = count - first, most = !timed ? left : (size_t)(tuner->rest > 2 ? tuner->rest - 2 : 1) * RTI_AUTO_RAYS;
+        const size_t left = count - first, sample = left < 16 * RTI_AUTO_RAYS ? RTI_AUTO_RAYS : 2 * RTI_AUTO_RAYS;
+        const size_t most = !timed ? left : tuner->rest > 2 ? (size_t)(tuner->rest - 2) * RTI_AUTO_RAYS : sample;
         const bool few = left < RTI_AUTO_RAYS / 4, trial = timed && tuner->rest <= 2 && !few;   /* few: they cannot stay together */
         const bool large = !few && (trial ? tuner->rest != 1 : timed ? tuner->cost[1] < tuner->cost[0] : job->query == RT_CLOSEST);
         const uint64_t start = trial ? rti_ticks() : 0;
         last = left < most ? count : first + most;
-        if (large) rti_batch_packets(accel, &part, rays, first, last, hits, packets);
+        if (large) rti_batch_packets(accel, &part, rays, first, last, count, hits, packets);
         else rti_batch_run(accel, &part, rays, first, last, hits);
         if (trial) rti_learn(tuner, large, (float)(rti_ticks() - start) / (float)(last - first));
         else if (timed && !few) tuner->rest -= (unsigned)((last - first + RTI_AUTO_RAYS - 1) / RTI_AUTO_RAYS);
