@@ -17,7 +17,7 @@
 #define MAX_TRIANGLES 24
 #define MAX_SPHERES 12
 #define MAX_INSTANCES 6
-#define MAX_RAYS 20                         /* two and a half packets */
+#define MAX_RAYS 84                         /* ten and a half packets of 8, one and a bit of 8 x 8 */
 
 typedef struct { const uint8_t *at, *end; } bytes;
 
@@ -189,7 +189,7 @@ static bool brute_force(const rt_accel *accel, rti_packet_1 *p, uint32_t inst)
         rti_transform_ray(in->inverse, org, dir, to_org, to_dir);
         memcpy(inner.org, to_org, sizeof to_org);
         memcpy(inner.dir, to_dir, sizeof to_dir);
-        if (!rti_prepare_1(in->accel, &inner, 1) || !brute_force(in->accel, &inner, inst + 1 + in->base)) continue;
+        if (!rti_prepare_1(in->accel, &inner, 1, false) || !brute_force(in->accel, &inner, inst + 1 + in->base)) continue;
         found = true;
         *p->t = *inner.t, *p->u = *inner.u, *p->v = *inner.v;
         p->prim = inner.prim, p->inst = inner.inst;
@@ -201,8 +201,9 @@ static void brute_force_hit(const rt_accel *accel, const rt_ray *ray, rt_query q
 {
     rti_packet_1 p;
     rti_load_rays_1(ray, &p);
-    if (!rti_prepare_1(accel, &p, 1) || !brute_force(accel, &p, RT_NONE)) rti_set_miss(hit);
-    else if (query == RT_ANY) rti_set_any(hit);
+    rti_no_hits_1(&p);
+    if (!rti_prepare_1(accel, &p, 1, false) || !brute_force(accel, &p, RT_NONE)) rti_set_miss(hit);
+    else if (query == RT_ANY) *hit = (rt_hit){ .inst = RT_NONE };
     else *hit = (rt_hit){ *p.t, *p.u, *p.v, *p.prim.id, *p.inst.id };
 }
 
@@ -229,14 +230,15 @@ static void trace_all(const rt_accel *accel, const rt_accel *plain, const rt_bui
     for (int query = RT_CLOSEST; query <= RT_ANY; query++) {
         for (size_t i = 0; i < count; i++) brute_force_hit(plain, &rays[i], (rt_query)query, &want[i]);
         for (size_t a = 0; (info = rt_algorithm_get(a)) != NULL; a++) {
-            const size_t tries = RT_ISA_COUNT * (info->algorithm == RT_KD_SHORTSTACK ? sizeof entries / sizeof *entries : 1);
+            const size_t tries = RT_ISA_COUNT * (info->algorithm == RT_KD_SHORTSTACK || info->culls ? sizeof entries / sizeof *entries : 1);
             if (!info->built || (info->structure != built->structure && info->structure != RT_STRUCTURE_COUNT)) continue;
             if (info->algorithm == RT_KD_BACKTRACK && built->no_backtrack) continue;
             for (size_t w = rt_packet_widths(info->algorithm, widths, 16); w-- > 0;)
                 for (size_t i = 0; i < tries; i++) {
                     const int isa = (int)(i % RT_ISA_COUNT);
                     const rt_trace_options options = { .algorithm = info->algorithm, .packet_width = widths[w], .query = (rt_query)query,
-                                                       .short_stack = entries[i / RT_ISA_COUNT], .isa = (rt_isa)isa };
+                                                       .cull = (rt_cull)(info->culls ? i / RT_ISA_COUNT : RT_CULL_NONE),
+                                                       .short_stack = info->culls ? 0 : entries[i / RT_ISA_COUNT], .isa = (rt_isa)isa };
                     if (rt_trace(accel, &options, rays, count, got) != RT_OK) {
                         if (isa == RT_ISA_AUTO) fail("a width of rt_packet_widths that rt_trace does not take");
                     } else if (memcmp(got, want, count * sizeof *got) != 0) {
@@ -262,6 +264,25 @@ static rt_ray take_ray(const level *top, bytes *in)
     return ray;
 }
 
+/* Makes rays stay together: about one direction, from one origin, or to one point at t = 1. */
+static void bundle(rt_ray *rays, size_t count, bytes *in)
+{
+    const size_t kind = take_below(in, 4);
+    const rt_vec3 org = rays[0].org, dir = rays[0].dir, end = { org.x + dir.x, org.y + dir.y, org.z + dir.z };
+    for (size_t i = 1; i < count && kind; i++) {
+        const float x = (float)(i % 8) / 64, y = (float)(i / 8) / 64;
+        rt_ray *ray = &rays[i];
+        if (take(in) % 16 == 0) continue;   /* as it was */
+        *ray = rays[0];
+        if (kind == 2) ray->dir = (rt_vec3){ dir.x + x * dir.y, dir.y + y * dir.z, dir.z - x * dir.x };
+        else ray->org = (rt_vec3){ org.x + x * dir.y, org.y + y * dir.z, org.z - x * dir.x };
+        if (kind == 3) {
+            ray->dir = (rt_vec3){ end.x - ray->org.x, end.y - ray->org.y, end.z - ray->org.z };
+            ray->tmax = rays[0].tmax = 1;
+        }
+    }
+}
+
 static void fuzz_geometry(bytes in)
 {
     static level levels[LEVELS], moved;
@@ -283,6 +304,7 @@ static void fuzz_geometry(bytes in)
         build_plain(&levels[i], levels, i);
     }
     for (size_t i = 0; i < MAX_RAYS; i++) rays[i] = take_ray(top, &in);
+    bundle(rays, MAX_RAYS, &in);
     trace_all(top->accel, top->plain, &options, rays, MAX_RAYS);
     if (take(&in) & 1) {
         rt_instance plain[MAX_INSTANCES];
