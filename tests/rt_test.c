@@ -951,7 +951,7 @@ static void rtt_backwards(void *user, size_t count, void (*body)(void *context, 
 /* Ways to build that rtt_check goes. Where there are many ways to trace, a build tries one of every so many, by turns: odd,
    since closest and any take turns in the table. */
 static const struct { rt_build_options options; bool parallel; size_t every; } rtt_builds[] = {
-    { { .structure = RT_BVH }, false, 1 },
+    { { .structure = RT_BVH }, false, 3 },
     { { .structure = RT_BVH, .quality = RT_BUILD_FAST, .reference = true }, true, 7 },
     { { .structure = RT_BVH, .quality = RT_BUILD_HIGH }, false, 7 },
     { { .structure = RT_BVH, .traversal_cost = 0.01f }, false, 7 },
