@@ -61,7 +61,7 @@
      While building, RT_BVH takes 128 bytes a primitive more, half of them for nodes; RT_KDTREE 32 bytes a reference, twice at the top of
      the tree, and a lane of 1 MiB (208 KiB times opt->max_duplication), or 16 with a parallel_for. All is released before rt_build
      returns; rt_get_info tells what an accel holds. Stack: 2 KiB for a single ray, 9 KiB for a packet of 4 or 8, and as much again for each
-     level of instances; large packets 40 KiB up to 16 x 16 rays, 168 KiB with 32 x 32, and 44 KiB for each level of instances. Of a packet
+     level of instances; large packets 46 KiB up to 16 x 16 rays, 166 KiB with 32 x 32, and 44 KiB for each level of instances. Of a packet
      of 16 x 16, tests of boxes and edges read 8 KiB and all tests together 20 KiB: that stays in a first-level cache of 32 KiB. Of one of
      32 x 32 only the former do, with 33 KiB, in one of 48.
 
@@ -326,8 +326,8 @@ typedef struct {
 /* Zero is the default of every field. */
 typedef struct {
     rt_algorithm algorithm;                 /* RT_AUTO */
-    int packet_width;                       /* 0 = the default; else one of rt_packet_widths. SIMD rays and k-d trees: 1 = single rays, 2 = 2x2,
-                                               8 = 8 rays, 0 = the widest. Large packets: 4, 8, 16 or 32 rays a side, 0 = 16 */
+    int packet_width;                       /* 0 = the default; else one of rt_packet_widths. SIMD rays and k-d trees: 1 = single rays,
+                                               2 = 2x2, 8 = 8 rays, 0 = the widest. Large packets: 4, 8, 16 or 32 rays a side, 0 = 16 */
     rt_cull cull;                           /* of large packets; RT_AUTO decides itself */
     rt_query query;                         /* RT_CLOSEST */
     int short_stack;                        /* RT_KD_SHORTSTACK: entries, 1 to RT_MAX_SHORT_STACK; 0 = 3, as in [Horn] */
@@ -346,7 +346,8 @@ RT_API bool rt_intersect(const rt_accel *accel, const rt_ray *ray, rt_hit *hit);
 RT_API bool rt_occluded(const rt_accel *accel, const rt_ray *ray);
 
 /* Traces rays[0..count) and fills hits[0..count); any count, any order. Packets are made of rays that follow each other, so
-   give neighbours together: in Morton order, say, where 4, 16, 64, 256 rays are squares. opt NULL = defaults. RT_ANY answers prim 0 for a hit, RT_NONE for a miss.
+   give neighbours together: in Morton order, say, where 4, 16, 64, 256 rays are squares. opt NULL = defaults. RT_ANY answers prim 0 for
+   a hit, RT_NONE for a miss.
    Fails only for options that are not allowed (RT_ERROR_ARGUMENT), not built or not on this processor (RT_ERROR_UNSUPPORTED); hits is
    then untouched. */
 RT_API rt_status rt_trace(const rt_accel *accel, const rt_trace_options *opt, const rt_ray *rays, size_t count, rt_hit *hits);
@@ -486,8 +487,8 @@ typedef struct { uint64_t primary, shadow, reflect, refract; } rt_ray_counts;
    A ray whose part of its pixel is below 1/512 in every channel is left out. So a sample has at most 1536 rays a level, whatever the
    materials, and some hundreds in all behind surfaces that reflect one half and transmit the other.
    Errors as rt_trace; RT_ERROR_ARGUMENT where opt->raster is of another camera, size or number of primitives. Eye rays that are rasterised
-   are counted in rays, not in opt->trace.stats. No allocation. Stack: 104 KiB for blocks of 16 x 16 pixels, 370 KiB for those of 32 x 32
-   that an opt->trace.packet_width above 16 asks for; 40 KiB more with raster, 7 KiB more a level of instances. */
+   are counted in rays, not in opt->trace.stats. No allocation. Stack: 140 KiB for blocks of 16 x 16 pixels, 524 KiB for those of 32 x 32
+   that an opt->trace.packet_width above 16 asks for; 6 KiB more with raster, 44 KiB more a level of instances. */
 RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *opt, int x0, int y0, int x1, int y1, rt_vec3 *pixels,
                                 rt_ray_counts *rays);
 
@@ -3201,6 +3202,11 @@ typedef struct {
     const rt_hit_arrays *to;
 } rti_job;
 
+static const rti_job rti_plain_jobs[] = {    /* by query: nothing but the hits of SIMD rays */
+    { RT_CLOSEST, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, NULL, NULL },
+    { RT_ANY,     NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, NULL, NULL },
+};
+
 typedef void (*rti_batch_function)(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits);
 
 #define RTI_AUTO_RAYS 256u                  /* of a packet of RT_AUTO: 16 x 16 */
@@ -3450,11 +3456,12 @@ RT_API rt_isa rt_best_isa(void)
 #endif
 }
 
-/* The batch function for width rays side by side, in the rt_packet_widths sense; NULL: not on this processor or with this isa. */
+/* The batch function for a width in the rt_packet_widths sense, or, of RT_AUTO, for 0: the one that tries; NULL: not on this processor or
+   with this isa. */
 static rti_batch_function rti_batch_of(rt_algorithm algorithm, int width, rt_isa isa)
 {
     const bool large = RTI_LARGE(algorithm), single = algorithm != RT_BVH_SIMD && !large && rti_algorithms[algorithm].built;
-    const bool packet = rti_algorithms[algorithm].packets && !large;
+    const bool packet = rti_algorithms[algorithm].packets && !large, tries = packet && algorithm == RT_AUTO && !width;
     if (isa == RT_ISA_AUTO) isa = rt_best_isa();
 #if RTI_X86 && !RTI_MSVC
     if (single && width == 1 && isa == RT_ISA_AVX2) return rti_batch_1_avx2;
@@ -3464,24 +3471,17 @@ static rti_batch_function rti_batch_of(rt_algorithm algorithm, int width, rt_isa
     if (packet && width == 2) return rti_batch_4;
 #if RTI_X86
     if (packet && width == 8 && isa == RT_ISA_AVX2) return rti_batch_8;
-    if (large && isa == RT_ISA_AVX2) return width == 32 ? rti_batch_largest_8 : width == 4 || width == 8 || width == 16 ? rti_batch_large_8 : NULL;
+    if (tries && isa == RT_ISA_AVX2) return rti_batch_auto_8;
+    if (large && width == RT_MAX_PACKET && isa == RT_ISA_AVX2) return rti_batch_largest_8;
+    if (large && (width == 4 || width == 8 || width == 16) && isa == RT_ISA_AVX2) return rti_batch_large_8;
 #endif
-    if (large) return width == 32 ? rti_batch_largest_4 : width == 4 || width == 8 || width == 16 ? rti_batch_large_4 : NULL;
+    if (tries) return rti_batch_auto_4;
+    if (large && width == RT_MAX_PACKET) return rti_batch_largest_4;
+    if (large && (width == 4 || width == 8 || width == 16)) return rti_batch_large_4;
 #endif
-    (void)packet, (void)large;
+    (void)packet, (void)large, (void)tries;
     return NULL;
 }
-
-#if RTI_PACKETS
-static rti_batch_function rti_auto_of(rt_isa isa)
-{
-#if RTI_X86
-    if (isa == RT_ISA_AVX2 || (isa == RT_ISA_AUTO && rt_best_isa() == RT_ISA_AVX2)) return rti_batch_auto_8;
-#endif
-    (void)isa;
-    return rti_batch_auto_4;
-}
-#endif
 
 static size_t rti_widths(rt_algorithm algorithm, rt_isa isa, int *widths, size_t max)
 {
@@ -3510,16 +3510,14 @@ RT_API const char *rt_status_string(rt_status status)
 
 RT_API bool rt_intersect(const rt_accel *accel, const rt_ray *ray, rt_hit *hit)
 {
-    static const rti_job job = { RT_CLOSEST, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, NULL, NULL };
-    rti_batch_of(RT_AUTO, 1, RT_ISA_AUTO)(accel, &job, ray, 1, hit);
+    rti_batch_of(RT_AUTO, 1, RT_ISA_AUTO)(accel, &rti_plain_jobs[RT_CLOSEST], ray, 1, hit);
     return hit->prim != RT_NONE;
 }
 
 RT_API bool rt_occluded(const rt_accel *accel, const rt_ray *ray)
 {
-    static const rti_job job = { RT_ANY, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, NULL, NULL };
     rt_hit hit;
-    rti_batch_of(RT_AUTO, 1, RT_ISA_AUTO)(accel, &job, ray, 1, &hit);
+    rti_batch_of(RT_AUTO, 1, RT_ISA_AUTO)(accel, &rti_plain_jobs[RT_ANY], ray, 1, &hit);
     return hit.prim != RT_NONE;
 }
 
@@ -3579,12 +3577,14 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
     if (!has_isa)
         return rti_fail(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "isa %s is not built or not on this processor", isas[opt->isa]);
     n = rti_widths(opt->algorithm, opt->isa, widths, 8);
-    width = opt->packet_width ? opt->packet_width : RTI_LARGE(opt->algorithm) ? 16 : opt->algorithm == RT_AUTO && count < 4 ? 1 : widths[n - 1];
+    width = opt->packet_width;
+    if (!width) {
+        if (RTI_LARGE(opt->algorithm)) width = 16;
+        else if (opt->algorithm != RT_AUTO) width = widths[n - 1];
+        else if (count < 4) width = 1;
+        else if (!RTI_PACKETS || accel->structure != RT_BVH || count < RTI_AUTO_RAYS / 4) width = widths[n - 1];    /* else 0: by trying */
+    }
     *batch = rti_batch_of(opt->algorithm, width, opt->isa);
-#if RTI_PACKETS
-    if (opt->algorithm == RT_AUTO && !opt->packet_width && accel->structure == RT_BVH && count >= RTI_AUTO_RAYS / 4)
-        *batch = rti_auto_of(opt->isa);
-#endif
     if (!*batch) {
         char list[64];
         size_t used = 0;
@@ -4944,6 +4944,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_load_rays RTI_NAME_(rti_load_rays)
 #define rti_orient RTI_NAME_(rti_orient)
 #define rti_least RTI_NAME_(rti_least)
+#define rti_pad RTI_NAME_(rti_pad)
 #define rti_invert_dir RTI_NAME_(rti_invert_dir)
 #define rti_prepare RTI_NAME_(rti_prepare)
 #define rti_slab RTI_NAME_(rti_slab)
@@ -5431,6 +5432,17 @@ RTI_FN rti_v rti_least(rti_v reach, rti_v far_org, rti_v largest)
     return rti_vmax(rti_vmul(largest, rti_vset(2.98023224e-08f)), rti_vmul(rti_vadd(reach, far_org), rti_vset(1e-37f)));
 }
 
+/* How far planes are moved out, see rti_prepare; clamp: the least over the largest component. */
+RTI_FN rti_v rti_pad(const rt_accel *accel, rti_v reach, rti_v far_org, rti_v clamp, rti_v largest)
+{
+    rti_v slack, pad;
+    slack = rti_vmul(rti_vset(accel->spread * 5.9604644775390625e-08f), rti_vadd(far_org, rti_vset(accel->extent)));
+    slack = rti_vadd(slack, rti_vmul(far_org, rti_vset(2.384185791015625e-07f)));                   /* 4 e |org| */
+    pad = rti_vadd(rti_vset(9.5367431640625e-07f), rti_vmul(rti_vset(2), clamp));                  /* 16 e, and the clamp */
+    pad = rti_vadd(rti_vmul(rti_vadd(reach, slack), pad), slack);
+    return rti_vadd(pad, rti_vmul(rti_vadd(largest, rti_vset(1)), rti_vset(1e-37f)));              /* of the smallest floats */
+}
+
 /* Also notes on which side of boxes the legal rays enter. */
 RTI_FN rti_v rti_invert_dir(rti_packet *p, int k, rti_v dir, rti_v least, unsigned legal)
 {
@@ -5460,7 +5472,7 @@ RTI_FN rti_v rti_invert_dir(rti_packet *p, int k, rti_v dir, rti_v least, unsign
    large: for a large packet, which has one pad for all and keeps no padded planes. */
 RTI_FN unsigned rti_prepare(const rt_accel *accel, rti_packet *p, unsigned lanes, const bool large)
 {
-    rti_v org[3], dir[3], reach = rti_vset(0), far_org = rti_vset(0), largest, least, slack, pad;
+    rti_v org[3], dir[3], reach = rti_vset(0), far_org = rti_vset(0), largest, least, pad;
     unsigned legal = lanes & rti_vlt(rti_vload(p->tmin), rti_vload(p->t));
     int k;
     RTI_UNROLL
@@ -5478,11 +5490,7 @@ RTI_FN unsigned rti_prepare(const rt_accel *accel, rti_packet *p, unsigned lanes
     if (!legal) return 0;
 
     least = rti_least(reach, far_org, largest);
-    slack = rti_vmul(rti_vset(accel->spread * 5.9604644775390625e-08f), rti_vadd(far_org, rti_vset(accel->extent)));
-    slack = rti_vadd(slack, rti_vmul(far_org, rti_vset(2.384185791015625e-07f)));                   /* 4 e |org| */
-    pad = rti_vadd(rti_vset(9.5367431640625e-07f), rti_vmul(rti_vset(2), rti_vdiv(least, largest)));        /* 16 e, and the clamp */
-    pad = rti_vadd(rti_vmul(rti_vadd(reach, slack), pad), slack);
-    pad = rti_vadd(pad, rti_vmul(rti_vadd(largest, rti_vset(1)), rti_vset(1e-37f)));               /* of the smallest floats */
+    pad = rti_pad(accel, reach, far_org, rti_vdiv(least, largest), largest);
     rti_vstore(p->pad, pad);
     p->uniform = true;
     RTI_UNROLL
@@ -6476,8 +6484,8 @@ RTI_FN void rti_bound_general(const rti_large *g, rti_frustum *f)
 RTI_FN bool rti_prepare_shared(const rt_accel *accel, rti_large *g)
 {
     const float org[3] = { g->rays[0].org[0][0], g->rays[0].org[1][0], g->rays[0].org[2][0] };
-    rti_v reach, far_org, longest = rti_vset(0), shortest = rti_vset(RTI_INFINITY), most;
-    float far_out = 0, far = 0, slack, least, largest, pad;
+    rti_v reach, far_org, longest = rti_vset(0), shortest = rti_vset(RTI_INFINITY), most, pad;
+    float far_out = 0, far = 0, least, largest;
     int i, k;
     for (i = 0; i < g->count; i++) {
         const rti_packet *p = &g->rays[i];
@@ -6510,10 +6518,9 @@ RTI_FN bool rti_prepare_shared(const rt_accel *accel, rti_large *g)
         for (k = 0; k < 3; k++) (void)rti_invert_dir(p, k, dir[k], bound, RTI_ALL_LANES);
     }
     rti_lane_range(shortest, longest, &least, &largest);
-    slack = accel->spread * 5.9604644775390625e-08f * (far + accel->extent) + far * 2.384185791015625e-07f;
-    pad = rti_maxf(5.9604645e-08f, 2e-37f * (far_out + far) / least);      /* twice the clamp of the shortest */
-    pad = (far_out + slack) * (9.5367431640625e-07f + pad) * 1.000001f + slack + (largest + 1) * 1e-37f;
-    g->pad = pad;
+    shortest = rti_vset(least);             /* of which the clamp is greatest */
+    pad = rti_pad(accel, reach, far_org, rti_vdiv(rti_least(reach, far_org, shortest), shortest), rti_vset(largest));
+    rti_lane_range(pad, pad, &least, &g->pad);
     return true;
 }
 
@@ -6663,8 +6670,8 @@ typedef struct {
     float doubt[RTI_WIDTH];                 /* what those may be wrong by */
 } rti_facets;
 
-/* The rays pass through the apex, so each edge's function is linear in a ray's slopes: (a x b)[k] + slope_u (a x b)[u] + slope_v (a x b)[v], with
-   a and b its ends as seen from the apex. It is the function of rti_hit_triangle but for a factor which all three share, and rounding:
+/* The rays pass through the apex, so each edge's function is linear in a ray's slopes: (a x b)[k] + slope_u (a x b)[u] + slope_v (a x b)[v],
+   with a and b its ends as seen from the apex. It is the function of rti_hit_triangle but for a factor which all three share, and rounding:
    that moves vertices by 8 e r, r being the farthest coordinate from the apex, and products of two by 64 e r^2; 64 more are added, and
    sway, which with rays that end at the apex knows how far away they begin. Where two functions have other signs by more than that
    doubt, the triangle is missed.
@@ -6824,7 +6831,7 @@ RTI_NOINLINE RTI_TARGET void rti_large_triangles(const rt_accel *accel, rti_larg
         if (g->frustum.sway < 0) {
             for (i = 0; i < length && kept; i++) {
                 rti_packet *p = &g->rays[list[i]];
-                rti_note(g, p, (any ? rti_facets_any : rti_facets_closest)(p, p->live, &t, kept, inst), any);
+                if (p->live) rti_note(g, p, (any ? rti_facets_any : rti_facets_closest)(p, p->live, &t, kept, inst), any);
             }
             continue;
         }
@@ -6841,8 +6848,9 @@ RTI_NOINLINE RTI_TARGET void rti_large_triangles(const rt_accel *accel, rti_larg
                 const rti_v v = rti_vfma(su, vu, rti_vfma(sv, vv, vk));
                 const rti_v w = rti_vfma(su, wu, rti_vfma(sv, wv, wk));
                 const unsigned missed = rti_vlt(rti_vmin(rti_vmin(u, v), w), below) & rti_vlt(above, rti_vmax(rti_vmax(u, v), w));
-                if (missed == RTI_ALL_LANES) continue;
-                rti_note(g, p, (any ? rti_facets_any_likely : rti_facets_closest_likely)(p, ~missed & p->live, &t, 1u << lane, inst), any);
+                const unsigned lanes = p->live & ~missed;
+                if (!lanes) continue;
+                rti_note(g, p, (any ? rti_facets_any_likely : rti_facets_closest_likely)(p, lanes, &t, 1u << lane, inst), any);
             }
         }
     }
@@ -6901,8 +6909,9 @@ RTI_FN void rti_large_leaf(const rt_accel *accel, rti_large *g, const rti_door *
     }
 #if RTI_STATS
     if (job->stats) {
-        job->stats->prims += (uint64_t)count * rti_count_rays(g, list, length);
-        job->stats->prims_at[depth] += (uint64_t)count * rti_count_rays(g, list, length);
+        const uint64_t tests = (uint64_t)count * rti_count_rays(g, list, length);
+        job->stats->prims += tests;
+        job->stats->prims_at[depth] += tests;
     }
 #endif
 #if RTI_SPHERES
@@ -7005,8 +7014,7 @@ RTI_FN void rti_large_body(const rt_accel *accel, rti_large *g, uint32_t inst, c
         else alive = rti_mask_rays(g, &door, !node->count, flags, job, depth);
 #if RTI_STATS
         if (flags & RTI_WALK_COUNT && alive) {
-            const uint64_t rays = kind == RT_BVH_RANGED ? rti_count_rays(g, g->order + active, alive)
-                                                        : rti_count_rays(g, g->order, alive);
+            const uint64_t rays = rti_count_rays(g, kind == RT_BVH_RANGED ? g->order + active : g->order, alive);
             job->stats->steps++;
             job->stats->active += rays;
             if (node->count) job->stats->leaves += rays;
@@ -7042,7 +7050,11 @@ RTI_FN void rti_large_body(const rt_accel *accel, rti_large *g, uint32_t inst, c
     }
 }
 
-#define RTI_LARGE_WALK(name, kind, flags)                                                                           RTI_NOINLINE RTI_TARGET void name(const rt_accel *accel, rti_large *g, uint32_t inst, const rti_job *job)       {                                                                                                                   rti_large_body(accel, g, inst, kind, flags, job);                                                           }
+#define RTI_LARGE_WALK(name, kind, flags)                                                                          \
+    RTI_NOINLINE RTI_TARGET void name(const rt_accel *accel, rti_large *g, uint32_t inst, const rti_job *job)      \
+    {                                                                                                              \
+        rti_large_body(accel, g, inst, kind, flags, job);                                                          \
+    }
 RTI_LARGE_WALK(rti_walk_masked, RT_BVH_MASKED, 0)
 RTI_LARGE_WALK(rti_walk_ranged, RT_BVH_RANGED, 0)
 RTI_LARGE_WALK(rti_walk_partition, RT_BVH_PARTITION, 0)
@@ -7587,11 +7599,10 @@ RTI_NOINLINE RTI_TARGET void rti_cover_queue(const rt_raster *r, const rti_block
 #endif
 #if RTI_INSTANCES
         else if (count) {
-            static const rti_job job = { RT_CLOSEST, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, NULL, NULL };
             const uint32_t number = (uint32_t)(prim - balls);
             for (i = 0; i < count; i++) {
                 k = chosen[i];
-                rti_note_hits(c, k, rti_hit_instances(&r->accel, &c->packets[k], c->live[k], NULL, number, 1, RT_NONE, &job));
+                rti_note_hits(c, k, rti_hit_instances(&r->accel, &c->packets[k], c->live[k], NULL, number, 1, RT_NONE, &rti_plain_jobs[RT_CLOSEST]));
             }
         }
 #endif
@@ -7860,6 +7871,7 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, rt_vec3 ligh
 #undef rti_load_rays
 #undef rti_orient
 #undef rti_least
+#undef rti_pad
 #undef rti_invert_dir
 #undef rti_prepare
 #undef rti_slab

@@ -287,7 +287,8 @@ static bool overbeck_load(overbeck *h)
     if (!h->scenes) return complain("out of memory");
     for (i = 0; i < count; i++) {
         h->count++;
-        if (!overbeck_open(h, &h->scenes[i], h->a.scene_count ? h->a.scenes[i] : NULL, &overbeck_originals[i], NULL)) return false;
+        if (!overbeck_open(h, &h->scenes[i], h->a.scene_count ? h->a.scenes[i] : NULL, h->a.scene_count ? NULL : &overbeck_originals[i], NULL))
+            return false;
     }
     return true;
 }
@@ -302,8 +303,8 @@ static bool overbeck_load_shots(overbeck *h)
     if (!h->shots) return complain("out of memory");
     for (i = 0; i < count; i++) {
         h->shot_count++;
-        if (!overbeck_open(h, &h->shots[i], h->a.scene_count ? h->a.scenes[i] : NULL, &overbeck_shots[i].scene, &overbeck_shots[i]))
-            return false;
+        const overbeck_shot *shot = h->a.scene_count ? NULL : &overbeck_shots[i];
+        if (!overbeck_open(h, &h->shots[i], shot ? NULL : h->a.scenes[i], shot ? &shot->scene : NULL, shot)) return false;
     }
     return true;
 }
