@@ -23,8 +23,8 @@
 
    CONTENTS (search for the tag)
 
-       declarations    >>config   >>types     >>status   >>geometry  >>build   >>query   >>camera-api
-                       >>raster-api           >>shading-api
+       declarations    >>config   >>types     >>status   >>geometry  >>build   >>query   >>sampling-api
+                       >>camera-api           >>raster-api           >>texture-api       >>shading-api
        implementation  >>platform >>memory    >>math     >>layout    >>instance >>validate >>refs    >>bins    >>bvh
                        >>kdtree   >>build-any >>refit    >>info      >>ray      >>tiles    >>surfaces >>passes
                        >>algorithms >>public  >>camera   >>raster    >>shading
@@ -35,7 +35,7 @@
 
      t           A hit lies at org + t * dir; dir need not be of unit length. A hit counts when tmin < t < tmax.
      u, v        Barycentric weights of vertices 1 and 2 (vertex 0 has 1 - u - v); both 0 on spheres.
-     prim        Triangles are numbered first, then spheres, then instances, in the order the caller gave them.
+     prim        Triangles are numbered first, then spheres, then instances, then planes, in the order the caller gave them.
      closest     The least (t, inst, prim): at equal t the lower inst, then the lower prim wins.
      triangles   Both sides are hit. A triangle seen exactly edge-on, or without area, is not hit; its neighbours are.
      spheres     Both walls are hit: from inside, or with tmin behind the front wall, the back wall answers.
@@ -75,10 +75,13 @@
        RT_NO_SIMD           plain C only: 4-wide packets in scalar code; same hits, slower
        RT_NO_KDTREE         leave out RT_KDTREE and its algorithms
        RT_NO_PACKETS        leave out every form with packets
-       RT_NO_SPHERES, RT_NO_INSTANCES   leave these primitives out of rt_geometry and of the code
+       RT_NO_THREADED       leave out RT_THREADED and its algorithms
+       RT_NO_SPHERES, RT_NO_INSTANCES, RT_NO_PLANES   leave these primitives out of rt_geometry and of the code
        RT_NO_STATS          leave out rt_stats
-       RT_NO_SHADING        leave out cameras, rasterised eye rays, materials and the renderer
-     The RT_NO_* of types (SPHERES, INSTANCES, STATS) change structs: define them alike in every file that includes this one.
+       RT_NO_SAMPLING       leave out samplers, and of the renderer what they serve: lens, shutter, area lights, gloss
+       RT_NO_SHADING        leave out cameras, rasterised eye rays, materials, textures and the renderer
+     The RT_NO_* of types (SPHERES, INSTANCES, PLANES, STATS, SAMPLING) change structs: define them alike in every file that includes
+     this one.
 
    PAPERS
 
@@ -86,6 +89,8 @@
      [Havran]    Wald, Havran: On building fast kd-Trees for Ray Tracing, and on doing that in O(N log N), 2006
      [Foley]     Foley, Sugerman: KD-Tree Acceleration Structures for a GPU Raytracer, 2005
      [Laine]     Laine: Restart Trail for Stackless BVH Traversal, 2010
+     [Lohr]      Lohr: GPU-Based Parallel Stackless BVH Traversal for Animated Distributed Ray Tracing, 2009
+     [Cook]      Cook, Porter, Carpenter: Distributed Ray Tracing, 1984
      [Overbeck]  Overbeck, Ramamoorthi, Mark: Large Ray Packets for Real-time Whitted Ray Tracing, 2008
      [Wald]      Wald: On fast Construction of SAH-based Bounding Volume Hierarchies, 2007
      [Woop]      Woop, Benthin, Wald: Watertight Ray/Triangle Intersection, JCGT 2013
@@ -129,6 +134,8 @@
 #define RT_MAX_PRIMITIVES 0x0fffffffu       /* triangles, spheres and instances of one accel together */
 #define RT_MAX_SHORT_STACK 32               /* entries of RT_KD_SHORTSTACK */
 #define RT_MAX_PACKET     32                /* rays a side of a large packet */
+#define RT_MAX_BRANCHING  16                /* children of a node of RT_THREADED */
+#define RT_MAX_ANGLE      1000.0f           /* radians that an instance turns from time 0 to 1 */
 #define RT_DEPTHS         65                /* depths that a node of a tree can have */
 
 typedef struct { float x, y, z; } rt_vec3;
@@ -165,11 +172,29 @@ RT_API const char *rt_status_string(rt_status status);
 /* ---- >>geometry ----------------------------------------------------------------------------------------------------- */
 
 #ifndef RT_NO_INSTANCES
+/* How an instance goes on from where its transform puts it, while time runs from 0 to 1: it turns about an axis and is moved. At time s
+   world = move * s + turn(angle * s) of (transform * object). */
+typedef struct {
+    rt_vec3 move;
+    rt_vec3 pivot, axis;                    /* the line it turns about: through pivot, along axis, of any length */
+    float angle;                            /* radians, counterclockwise seen against axis; of at most RT_MAX_ANGLE; 0: axis may be 0 */
+} rt_motion;
+
 /* accel seen through an affine transform: world = M * object, M = 3 rows of 4, row by row; must be invertible. */
 typedef struct {
     const rt_accel *accel;                  /* not owned; must outlive what instances it */
     float transform[12];
+    const rt_motion *motion;                /* NULL: it stands still. Copied by rt_build and rt_refit */
 } rt_instance;
+#endif
+
+#ifndef RT_NO_PLANES
+/* Ground that stays outside of the tree, as [Lohr] 4 has it: an infinite plane, or, with a radius, a disc. Both sides are hit. u and v of
+   its hits are 0. */
+typedef struct {
+    rt_vec3 point, normal;                  /* a point of it, the centre of a disc; normal: of any length but 0 */
+    float radius;                           /* of a disc; 0: infinite */
+} rt_plane;
 #endif
 
 /* Zero it, then set what there is. Nothing is owned. */
@@ -182,6 +207,10 @@ typedef struct {
 #ifndef RT_NO_INSTANCES
     const rt_instance *instances; size_t instance_count;
 #endif
+#ifndef RT_NO_PLANES
+    const rt_plane *planes;   size_t plane_count;                   /* each ray tests all of them: meant for a few. An accel with
+                                                                       an infinite one cannot be instanced, having no bounds */
+#endif
 } rt_geometry;
 
 /* ---- >>build -------------------------------------------------------------------------------------------------------- */
@@ -192,6 +221,10 @@ typedef enum { RT_STRUCTURE_LIST(RTI_ENUM) RT_STRUCTURE_COUNT } rt_structure;
 /* How long to look for a good tree. RT_BVH: 16, 8, 32 bins of the surface area heuristic an axis; RT_KDTREE: every plane is tried in nodes
    of up to 32, 8, 64 primitives, 32 bins twice above. */
 typedef enum { RT_BUILD_DEFAULT, RT_BUILD_FAST, RT_BUILD_HIGH } rt_quality;
+
+/* What bounds the nodes of RT_THREADED: boxes, or the spheres of [Lohr]. */
+#define RT_BOUNDS_LIST(X) X(RT_BOUNDS_BOXES, "boxes") X(RT_BOUNDS_SPHERES, "spheres")
+typedef enum { RT_BOUNDS_LIST(RTI_ENUM) RT_BOUNDS_COUNT } rt_bounds;
 
 /* Calls body(context, 0..count-1), each once, in any order, on any threads, and returns when all are done. */
 typedef void (*rt_parallel_for)(void *user, size_t count, void (*body)(void *context, size_t index), void *context);
@@ -209,6 +242,12 @@ typedef struct {
     float max_duplication;                  /* RT_KDTREE: leaves refer to a primitive at most so many times on average, 1 to 64; 0 = 5.
                                                Planes that would pass the limit are not taken: leaves get
                                                fuller, near 1 very full, since hardly a plane cuts nothing */
+    rt_bounds bounds;                       /* RT_THREADED: RT_BOUNDS_BOXES */
+    int branching;                          /* RT_THREADED: the most children of a node, 2 to RT_MAX_BRANCHING; 0 = the fastest measured */
+    int orders;                             /* RT_THREADED: 1, 2, 4 or 8 lists of nodes, each in the order that suits the rays of one (or
+                                               more) octants of directions: near nodes come first; 1 is [Lohr]'s. 0 = the fastest measured */
+    float throw_back;                       /* RT_THREADED: a node whose surface is above so much of its parent's gives its children to
+                                               its parent ([Lohr] 4: pathological ones are thrown back); 0 = the best measured, negative: none */
     bool no_backtrack;                      /* RT_KDTREE: leave out the parent links and boxes that only RT_KD_BACKTRACK reads */
     rt_parallel_for parallel_for;           /* NULL: build on this thread. The tree is the same, bit for bit */
     void *parallel_user;
@@ -252,6 +291,9 @@ RT_API void rt_get_info(const rt_accel *accel, rt_info *info);
    normalised) of the instance a hit names. inst RT_NONE: the identity. Either output may be NULL. False: no such instance, or
    normal is asked for and does not fit in floats. */
 RT_API bool rt_instance_transform(const rt_accel *accel, uint32_t inst, float transform[12], float normal[9]);
+
+/* The same at a time in [0,1], where instances of the path move. rt_instance_transform is at time 0. */
+RT_API bool rt_instance_transform_at(const rt_accel *accel, uint32_t inst, float time, float transform[12], float normal[9]);
 #endif
 
 /* ---- >>query -------------------------------------------------------------------------------------------------------- */
@@ -331,7 +373,8 @@ typedef struct {
     rt_cull cull;                           /* of large packets; RT_AUTO decides itself */
     rt_query query;                         /* RT_CLOSEST */
     int short_stack;                        /* RT_KD_SHORTSTACK: entries, 1 to RT_MAX_SHORT_STACK; 0 = 3, as in [Horn] */
-    const float *times;                     /* one a ray in [0,1], for moving instances; NULL = 0. No instance moves yet */
+    const float *times;                     /* one a ray in [0,1], for moving instances; NULL = 0. What lies outside counts as the
+                                               nearer of both, NaN as 0 */
     rt_isa isa;
 #ifndef RT_NO_STATS
     rt_stats *stats;                        /* NULL: nothing is counted, at no cost */
@@ -367,12 +410,50 @@ RT_API rt_status rt_trace_arrays(const rt_accel *accel, const rt_trace_options *
 /* The instruction set that RT_ISA_AUTO picks here. */
 RT_API rt_isa rt_best_isa(void);
 
+/* ---- >>sampling-api ------------------------------------------------------------------------------------------------- */
+
+#ifndef RT_NO_SAMPLING
+
+/* Numbers in [0,1) for distribution ray tracing ([Cook], [Lohr] 7). AUTO is SOBOL; the renderer places its samples within a pixel
+   regularly then, alike in every pixel, so that nothing is noisy where nothing is distributed.
+   INDEPENDENT   a hash of all arguments: errors fall as n^-1/2
+   STRATIFIED    one sample in each of n cells, a grid in 2D, in shuffled order
+   SOBOL         Owen-scrambled Sobol' points, shuffled for each dimension (Burley 2020): every power of two of them is stratified in all
+                 ways at once; on smooth integrands errors fall as n^-3/2 */
+#define RT_SAMPLER_LIST(X) X(RT_SAMPLER_AUTO, "auto") X(RT_SAMPLER_INDEPENDENT, "independent") X(RT_SAMPLER_STRATIFIED, "stratified") \
+                           X(RT_SAMPLER_SOBOL, "sobol")
+typedef enum { RT_SAMPLER_LIST(RTI_ENUM) RT_SAMPLER_COUNT } rt_sampler_kind;
+
+#define RT_MAX_SPP (1 << 20)                /* samples a pixel */
+
+/* Zero is the default of every field. */
+typedef struct {
+    rt_sampler_kind kind;
+    uint32_t spp;                           /* samples that there will be; 0 = 1. STRATIFIED alone needs to know */
+    uint32_t seed, frame;                   /* each gives new numbers */
+} rt_sampler;
+
+/* Number `sample`, below spp, of a pixel and a dimension. Dimensions are independent of each other, those of one call of rt_sample_2d are
+   stratified together. Any pixel, sample, dimension, frame and seed is legal, in any order: nothing is kept. O(1). */
+RT_API float rt_sample_1d(const rt_sampler *sampler, uint32_t x, uint32_t y, uint32_t sample, uint32_t dimension);
+RT_API void rt_sample_2d(const rt_sampler *sampler, uint32_t x, uint32_t y, uint32_t sample, uint32_t dimension, float point[2]);
+
+#endif
+
 /* ---- >>camera-api --------------------------------------------------------------------------------------------------- */
 
 #ifndef RT_NO_SHADING
 
-/* A pinhole. fov is the vertical angle of the picture in degrees, in (0, 180). */
-typedef struct { rt_vec3 eye, look, up; float fov; } rt_camera;
+/* fov is the vertical angle of the picture in degrees, in (0, 180). A pinhole that sees the world at time 0, unless: */
+typedef struct {
+    rt_vec3 eye, look, up;
+    float fov;
+#ifndef RT_NO_SAMPLING
+    float lens;                             /* radius of a thin lens around eye, in units of the world; 0: a pinhole */
+    float focus;                            /* what lies so deep along the view axis is sharp; 0: as deep as look */
+    float open, close;                      /* when the shutter is, 0 <= open <= close <= 1: each ray has a time between, all alike likely */
+#endif
+} rt_camera;
 
 /* The camera's ray through point (x, y) of a width x height picture, in pixels from the top left corner (a pixel's middle is at
    +0.5); width and height >= 1. dir has unit depth along the view axis: t is depth. tmin is 0, tmax infinite. */
@@ -428,9 +509,39 @@ RT_API void rt_raster_free(rt_raster *r);
 RT_API rt_status rt_rasterize(const rt_geometry *geo, const rt_camera *camera, int width, int height, const rt_raster_options *opt,
                               rt_hit *hits);
 
+/* ---- >>texture-api -------------------------------------------------------------------------------------------------- */
+
+/* What multiplies a material's diffuse colour, or raises its surface (bump mapping, Blinn 1978). Each is filtered over the piece of the surface
+   that a pixel sees, so that it does not shimmer. */
+#define RT_TEXTURE_LIST(X) X(RT_TEXTURE_IMAGE, "image") X(RT_TEXTURE_CHECKER, "checker") X(RT_TEXTURE_NOISE, "noise")
+typedef enum { RT_TEXTURE_LIST(RTI_ENUM) RT_TEXTURE_COUNT } rt_texture_kind;
+
+typedef struct {
+    rt_texture_kind kind;
+    const rt_vec3 *levels;                  /* IMAGE: of rt_make_texture_levels; linear RGB. Repeats; (0, 0) is the lower left corner */
+    int width, height;                      /* IMAGE: of its first level, 1 to 2^14 */
+    rt_vec3 colors[2];                      /* CHECKER, NOISE: what they alternate, or vary, between. Both black: black and white */
+    float size;                             /* CHECKER: edge of a field, NOISE: of its largest waves, in units of the surface's texture
+                                               coordinates, or with solid of its space; 0 = 1 */
+    bool solid;                             /* CHECKER, NOISE: in three dimensions, by position in the space of the primitive; else in two, by
+                                               texture coordinates: of a mesh its own, of a sphere longitude and latitude in [0,1] with y
+                                               up, of a plane distance along two directions of it, in units of the world */
+} rt_texture;
+
+/* An image's levels: itself, then halved again and again down to 1 x 1, each the mean of what it stands for. */
+RT_API size_t rt_count_texture_levels(int width, int height);       /* rt_vec3s in all levels together; 0: not 1 to 2^14 */
+RT_API void rt_make_texture_levels(const rt_vec3 *pixels, int width, int height, rt_vec3 *levels);      /* pixels: rows from the top */
+
 /* ---- >>shading-api -------------------------------------------------------------------------------------------------- */
 
 #define RT_MAX_DEPTH 64                     /* levels of reflection and refraction */
+
+#ifndef RT_NO_SAMPLING
+/* How the samples of a pixel weigh what is around its middle: samples are placed as dense as the filter is high, so all count alike and pixels
+   need not know of each other. BOX: the pixel itself; TENT: a pyramid 2 pixels wide; GAUSSIAN: deviation 1/2 pixel, cut off at 3/2. */
+#define RT_FILTER_LIST(X) X(RT_FILTER_BOX, "box") X(RT_FILTER_TENT, "tent") X(RT_FILTER_GAUSSIAN, "gaussian")
+typedef enum { RT_FILTER_LIST(RTI_ENUM) RT_FILTER_COUNT } rt_filter;
+#endif
 
 /* Phong's shading and Whitted's secondary rays. Colours are linear RGB, reflectances in [0,1]. Where reflect + transmit exceed 1 in a
    channel, both are scaled to that sum: a surface gives no more light than falls on it. */
@@ -443,9 +554,27 @@ typedef struct {
     rt_vec3 absorb;                         /* inside, light is weakened by exp(-absorb * length) */
     float ior;                              /* index of refraction of the inside against the outside; 0 = 1: nothing is bent */
     bool fresnel;                           /* transmit is split between both ways by Fresnel's equations */
+#ifndef RT_NO_SAMPLING
+    float roughness;                        /* 0 to 1: what is mirrored or refracted spreads around its direction as the (2 / roughness^2 - 2)th
+                                               power of the cosine; 0: not at all */
+#endif
+    const rt_texture *texture;              /* multiplies diffuse; or NULL */
+    const rt_texture *bump;                 /* height of the surface above itself: the texture's mean of RGB, times bump_height; or NULL */
+    float bump_height;                      /* in units of the space of the primitive */
 } rt_material;
 
-typedef struct { rt_vec3 position, color; } rt_light;               /* a point; no falloff, as in Phong's model */
+/* A point; no falloff, as in Phong's model. With a size it is the mean over its points as seen from the surface: by solid angle, so that nearer
+   and less tilted parts count more, as they do on a real lamp. It is not seen itself: give it a body that glows, smaller than it, to see. */
+typedef struct {
+    rt_vec3 position, color;
+#ifndef RT_NO_SAMPLING
+    float radius;                           /* of a sphere around position; 0: none */
+    rt_vec3 edges[2];                       /* of a rectangle, two sides that meet in a corner, at right angles; position is its middle. It shines
+                                               to both sides */
+    bool by_area;                           /* choose points evenly on its surface, with weights, not by solid angle: the same light, usually
+                                               noisier */
+#endif
+} rt_light;
 
 /* Everything a picture needs; nothing is owned. Primitive ids are those of geometry. The outside of a triangle is where its vertices
    run counterclockwise; what transmits should be closed, or is a pane that bends what passes as the face of a block would. */
@@ -456,7 +585,9 @@ typedef struct rt_scene {
     const uint32_t *normal_indices;         /* 3 a triangle into normals; a triangle whose first is RT_NONE is flat */
     const rt_vec3 *colors;                  /* one a vertex, multiplies the diffuse colour; or NULL */
     const rt_material *materials; size_t material_count;            /* none: light grey */
-    const uint32_t *material_ids;           /* one a triangle, then one a sphere; NULL: material 0 */
+    const uint32_t *material_ids;           /* one a triangle, then one a sphere, then one a plane; NULL: material 0 */
+    const float *texcoords;                 /* pairs u v, or NULL: the weights u, v of the hit */
+    const uint32_t *texcoord_indices;       /* 3 a triangle into the pairs; a triangle whose first is RT_NONE has the weights */
     const rt_light *lights; size_t light_count;
     rt_vec3 ambient, background;
     rt_camera camera;
@@ -470,12 +601,18 @@ RT_API rt_status rt_check_scene(const rt_scene *scene, rt_error *error);
 
 typedef struct {
     int width, height;                      /* of the whole picture */
-    int spp;                                /* samples a pixel; 0 = 1 */
+    int spp;                                /* samples a pixel, at most RT_MAX_SPP; 0 = 1 */
     int depth;                              /* levels of reflection and refraction that follow an eye ray, at most RT_MAX_DEPTH; 0 = 5,
                                                negative: none */
     rt_trace_options trace;                 /* algorithm and so on; query is set by the renderer */
     const rt_raster *raster;                /* NULL: eye rays are traced. Else rasterised with this, which was made of scene->geometry,
-                                               scene->camera, width and height: the same picture, bit for bit */
+                                               scene->camera, width and height: the same picture, bit for bit. Only of a pinhole, with
+                                               RT_SAMPLER_AUTO and RT_FILTER_BOX */
+#ifndef RT_NO_SAMPLING
+    rt_sampler_kind sampler;                /* RT_SAMPLER_AUTO */
+    rt_filter filter;                       /* RT_FILTER_BOX */
+    uint32_t seed, frame;                   /* each gives new noise */
+#endif
 } rt_render_options;
 
 typedef struct { uint64_t primary, shadow, reflect, refract; } rt_ray_counts;
@@ -543,6 +680,21 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define RTI_INSTANCES 0
 #else
 #define RTI_INSTANCES 1
+#endif
+#ifdef RT_NO_PLANES
+#define RTI_PLANES 0
+#else
+#define RTI_PLANES 1
+#endif
+#ifdef RT_NO_THREADED
+#define RTI_THREADED 0
+#else
+#define RTI_THREADED 1
+#endif
+#ifdef RT_NO_SAMPLING
+#define RTI_SAMPLING 0
+#else
+#define RTI_SAMPLING 1
 #endif
 #ifdef RT_NO_KDTREE
 #define RTI_KDTREE 0
@@ -4342,11 +4494,18 @@ RTI_INLINE rt_vec3 rti_get(const float *lanes, int lane)
     return rti_vec3(lanes[lane * RTI_ABREAST], lanes[(lane + 1) * RTI_ABREAST], lanes[(lane + 2) * RTI_ABREAST]);
 }
 
+static const rt_material rti_grey = {       /* of scenes without materials */
+    { 0.7f, 0.7f, 0.7f }, { 0, 0, 0 }, { 0, 0, 0 }, 1, { 0, 0, 0 }, { 0, 0, 0 }, { 0, 0, 0 }, 1, false,
+#if RTI_SAMPLING
+    0,
+#endif
+    NULL, NULL, 0
+};
+
 /* Writes a surface's normals, of any length, and multiplies tint by its colours; answers its material. Of a hit on a
    primitive of scene's own geometry, in its space. */
 RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *hit, rt_vec3 point, float *lanes, rt_vec3 *tint)
 {
-    static const rt_material grey = { { 0.7f, 0.7f, 0.7f }, { 0, 0, 0 }, { 0, 0, 0 }, 1, { 0, 0, 0 }, { 0, 0, 0 }, { 0, 0, 0 }, 1, false };
     const rt_geometry *geo = scene->geometry;
     if (hit->prim < geo->triangle_count) {
         const size_t corner = 3 * (size_t)hit->prim, stride = geo->vertex_stride ? geo->vertex_stride / sizeof(float) : 3;
@@ -4376,7 +4535,7 @@ RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *h
 #else
     (void)point;
 #endif
-    return scene->material_count ? &scene->materials[scene->material_ids ? scene->material_ids[hit->prim] : 0] : &grey;
+    return scene->material_count ? &scene->materials[scene->material_ids ? scene->material_ids[hit->prim] : 0] : &rti_grey;
 }
 
 #if RTI_INSTANCES
@@ -4621,7 +4780,7 @@ static size_t rti_take(rti_render *r)
     return count;
 }
 
-#define RTI_MAX_SPP  (1 << 20)
+#define RTI_MAX_SPP  (1 << 20)              /* RT_MAX_SPP, which RT_NO_SAMPLING leaves out */
 
 /* Offset of sample i of n in a pixel: the middle, a grid, or the R2 sequence (Roberts 2018) where n is no square. */
 static void rti_subpixel(int i, int n, float *x, float *y)

@@ -583,7 +583,7 @@ typedef struct {
 /* Phong's model, of the surface's true normal; lit: the light is seen. */
 static rt_vec3 phong(const bench *s, const rt_ray *ray, const rt_hit *hit, bool lit)
 {
-    static const rt_material grey = { { 0.7f, 0.7f, 0.7f }, { 0, 0, 0 }, { 0, 0, 0 }, 1, { 0, 0, 0 }, { 0, 0, 0 }, { 0, 0, 0 }, 1, false };
+    static const rt_material grey = { .diffuse = { 0.7f, 0.7f, 0.7f }, .shininess = 1 };
     const scene *content = &s->content;
     const rt_material *m = content->material_count ? &content->materials[content->material_ids[hit->prim]] : &grey;
     const rt_vec3 point = add_scaled(ray->org, ray->dir, hit->t), n = facing_normal(&content->geometry, hit, point, ray->dir);

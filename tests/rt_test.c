@@ -4204,7 +4204,7 @@ static double rtt_length(rt_vec3 v) { return sqrt((double)v.x * (double)v.x + (d
 /* The middle ray looks at the target; opposite pixels mirror each other; depth is 1; the edge of the picture is half the angle up. */
 static void rtt_test_camera(void)
 {
-    rt_camera camera = { { 1, 2, 3 }, { 1, 2, -7 }, { 0, 1, 0 }, 90 };
+    rt_camera camera = { .eye = { 1, 2, 3 }, .look = { 1, 2, -7 }, .up = { 0, 1, 0 }, .fov = 90 };
     rt_ray middle = rt_camera_ray(&camera, 40, 30, 80, 60), top = rt_camera_ray(&camera, 40, 0, 80, 60);
     rt_ray left = rt_camera_ray(&camera, 0, 30, 80, 60);
 
@@ -4229,7 +4229,7 @@ static void rtt_room(rtt_model *model, rt_scene *scene, rt_geometry *geometry, r
 {
     static rt_material materials[2];
     static const uint32_t ids[] = { 0, 0, 1 };
-    static const rt_light light = { { 0, 8, 0 }, { 0.9f, 0.9f, 0.9f } };
+    static const rt_light light = { .position = { 0, 8, 0 }, .color = { 0.9f, 0.9f, 0.9f } };
 
     materials[0].diffuse = rtt_v(0.8f, 0.8f, 0.8f);
     materials[1].diffuse = rtt_v(0.7f, 0.1f, 0.1f);
