@@ -444,16 +444,17 @@ RT_API void rt_sample_2d(const rt_sampler *sampler, uint32_t x, uint32_t y, uint
 
 #ifndef RT_NO_SHADING
 
-/* fov is the vertical angle of the picture in degrees, in (0, 180). A pinhole that sees the world at time 0, unless: */
-typedef struct {
-    rt_vec3 eye, look, up;
-    float fov;
+/* A pinhole. fov is the vertical angle of the picture in degrees, in (0, 180). */
+typedef struct { rt_vec3 eye, look, up; float fov; } rt_camera;
+
 #ifndef RT_NO_SAMPLING
-    float lens;                             /* radius of a thin lens around eye, in units of the world; 0: a pinhole */
+/* A thin lens in the place of the pinhole, and a shutter. Zeroed it is the pinhole again, which sees the world at time 0. */
+typedef struct {
+    float radius;                           /* of the lens, around eye, in units of the world */
     float focus;                            /* what lies so deep along the view axis is sharp; 0: as deep as look */
     float open, close;                      /* when the shutter is, 0 <= open <= close <= 1: each ray has a time between, all alike likely */
+} rt_lens;
 #endif
-} rt_camera;
 
 /* The camera's ray through point (x, y) of a width x height picture, in pixels from the top left corner (a pixel's middle is at
    +0.5); width and height >= 1. dir has unit depth along the view axis: t is depth. tmin is 0, tmax infinite. */
@@ -609,6 +610,7 @@ typedef struct {
                                                scene->camera, width and height: the same picture, bit for bit. Only of a pinhole, with
                                                RT_SAMPLER_AUTO and RT_FILTER_BOX */
 #ifndef RT_NO_SAMPLING
+    rt_lens lens;
     rt_sampler_kind sampler;                /* RT_SAMPLER_AUTO */
     rt_filter filter;                       /* RT_FILTER_BOX */
     uint32_t seed, frame;                   /* each gives new noise */

@@ -14,7 +14,7 @@ int main(void)
     const rt_sphere ball = { {0, 1, 0}, 1 };
     const rt_geometry geometry = { .vertices = corners, .vertex_count = 4, .indices = floor_indices, .triangle_count = 2,
                                    .spheres = &ball, .sphere_count = 1 };       // primitives 0 and 1: the floor; 2: the ball
-    const rt_camera camera = { .eye = {1, 2.4f, 6}, .look = {0.5f, 0.85f, 0}, .up = {0, 1, 0}, .fov = 28 };
+    const rt_camera camera = { {1, 2.4f, 6}, {0.5f, 0.85f, 0}, {0, 1, 0}, 28 };    // eye, look, up, vertical angle
     const rt_vec3 light = { -5, 7, 4 }, up = { 0, 1, 0 };
     rt_accel *accel;
 
