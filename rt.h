@@ -3289,9 +3289,15 @@ static size_t rti_find_instance(const rt_accel *accel, uint32_t inst)
 
 RT_API bool rt_instance_transform(const rt_accel *accel, uint32_t inst, float transform[12], float normal[9])
 {
+    return rt_instance_transform_at(accel, inst, 0, transform, normal);
+}
+
+RT_API bool rt_instance_transform_at(const rt_accel *accel, uint32_t inst, float time, float transform[12], float normal[9])
+{
     double m[12] = { 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0 };
     float f[12], inverse[12];
     int i, j;
+    (void)time;
     while (inst != RT_NONE) {               /* one level of the path a turn; outer * inner */
         const rti_instance *in;
         double c[12];
@@ -3351,14 +3357,15 @@ typedef struct {
     rt_algorithm large;                     /* of large packets: how BVHs are walked, */
     int side;                               /* rays a side, */
     rt_cull cull;                           /* and by what they are culled */
+    const float *times;                     /* one a ray, or NULL */
     rti_tuner *tuner;                       /* of RT_AUTO: what is known of rays like these; NULL: nothing yet */
     const rt_ray_arrays *from;              /* rt_trace_arrays: in the place of rays and hits */
     const rt_hit_arrays *to;
 } rti_job;
 
 static const rti_job rti_plain_jobs[] = {    /* by query: nothing but the hits of SIMD rays */
-    { RT_CLOSEST, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, NULL, NULL },
-    { RT_ANY,     NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, NULL, NULL },
+    { RT_CLOSEST, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, NULL, NULL, NULL },
+    { RT_ANY,     NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, NULL, NULL, NULL },
 };
 
 typedef void (*rti_batch_function)(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits);
@@ -3757,6 +3764,7 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
     job->large = opt->algorithm;
     job->side = width;
     job->cull = opt->cull;
+    job->times = opt->times;
     job->tuner = NULL;
     job->from = NULL;
     job->to = NULL;
