@@ -26,7 +26,7 @@
        declarations    >>config   >>types     >>status   >>geometry  >>build   >>query   >>sampling-api
                        >>camera-api           >>raster-api           >>texture-api       >>shading-api
        implementation  >>platform >>memory    >>math     >>layout    >>instance >>validate >>refs    >>bins    >>bvh
-                       >>kdtree   >>build-any >>refit    >>info      >>ray      >>tiles    >>surfaces >>passes
+                       >>kdtree   >>slots     >>threaded >>build-any >>refit    >>info      >>ray      >>tiles    >>surfaces >>passes
                        >>algorithms >>public  >>camera   >>raster    >>shading
        one pass a SIMD width (this file includes itself)  >>wide  >>boxes  >>primitives  >>traverse  >>large  >>batch  >>cover    >>shade
        license         >>license
@@ -265,8 +265,8 @@ RT_API void rt_free(rt_accel *accel);
 
 /* Moves the primitives to where geo says, keeping the tree: O(n), no allocation. geo must have the counts that accel was built
    from; indices are read again. Accels that instance this one must be refitted or rebuilt after it. A primitive that build left out stays
-   out; one that has become bad fails the call. On failure accel is as it was. error may be NULL. RT_BVH only: the planes of a k-d tree
-   cut primitives where they were, so that answers RT_ERROR_UNSUPPORTED. */
+   out; one that has become bad fails the call. On failure accel is as it was. error may be NULL. RT_BVH and RT_THREADED (with spheres O(n
+   log n)): the planes of a k-d tree cut primitives where they were, so that answers RT_ERROR_UNSUPPORTED. */
 RT_API rt_status rt_refit(rt_accel *accel, const rt_geometry *geo);
 RT_API rt_status rt_refit_error(rt_accel *accel, const rt_geometry *geo, rt_error *error);
 
@@ -369,7 +369,8 @@ typedef struct {
 typedef struct {
     rt_algorithm algorithm;                 /* RT_AUTO */
     int packet_width;                       /* 0 = the default; else one of rt_packet_widths. SIMD rays and k-d trees: 1 = single rays,
-                                               2 = 2x2, 8 = 8 rays, 0 = the widest. Large packets: 4, 8, 16 or 32 rays a side, 0 = 16 */
+                                               2 = 2x2, 8 = 8 rays, 0 = the widest. Large packets: 4, 8, 16 or 32 rays a side, 0 = 16.
+                                               RT_THREADED_PARALLEL: 2, 4, 8 or 16 rays together, 0 = 8 */
     rt_cull cull;                           /* of large packets; RT_AUTO decides itself */
     rt_query query;                         /* RT_CLOSEST */
     int short_stack;                        /* RT_KD_SHORTSTACK: entries, 1 to RT_MAX_SHORT_STACK; 0 = 3, as in [Horn] */
@@ -928,6 +929,11 @@ typedef struct { float bounds[6]; uint32_t parent; } rti_kdlink;
 RTI_INLINE bool rti_kd_empty(const rti_kdnode *node) { return (node->word & 3) == RTI_LEAF && !node->as.count; }
 RTI_INLINE uint32_t rti_kd_children(const rti_kdnode *node) { return (node->word & ~15u) / 8; }
 
+/* node of RT_THREADED: the same, but that index of an inner node is not used and that bounds may be a sphere: x y z of its centre, its
+   radius. Nodes stand in depth-first order. Where to go on is told by the node's link in one of the lists of links, by the ray's direction. */
+typedef struct { uint32_t hit, miss; } rti_link;            /* of a leaf both are where to go on behind it */
+#define RTI_END 0xffffffffu                  /* nowhere */
+
 typedef struct { float v[9]; uint32_t prim; } rti_triangle;
 typedef struct { float center[3], radius; uint32_t prim; } rti_ball;
 typedef struct {
@@ -952,6 +958,12 @@ struct rt_accel {
     uint32_t *kdslots;                      /* kdslot_count slots, of all leaves with more than one primitive */
     size_t kdslot_count;
     size_t references;                      /* from leaves to primitives */
+#endif
+#if RTI_THREADED
+    rti_link *links;                        /* RT_THREADED: orders lists of node_count */
+    int orders, order_axes[3];              /* bit i of a list's number: it is for directions that are negative along order_axes[i] */
+    rt_bounds bounds;
+    uint32_t *instance_nodes;               /* from an instance's slot to its leaf */
 #endif
     rti_triangle *triangles;                /* in leaf order; or, with opt->reference: */
     uint32_t *triangle_ids;
@@ -1251,6 +1263,10 @@ static bool rti_kd_validate(const rt_accel *accel)
 }
 #endif
 
+#if RTI_THREADED
+static bool rti_threaded_validate(const rt_accel *accel);
+#endif
+
 /* Walks the tree and checks every invariant the traversals rely on; the tests call it after each build and refit. */
 RTI_NOINLINE bool rti_validate(const rt_accel *accel)
 {
@@ -1260,6 +1276,9 @@ RTI_NOINLINE bool rti_validate(const rt_accel *accel)
     if (!accel->node_count) return accel->slots[0] + accel->slots[1] + accel->slots[2] == 0;
 #if RTI_KDTREE
     if (accel->structure == RT_KDTREE) return rti_kd_validate(accel);
+#endif
+#if RTI_THREADED
+    if (accel->structure == RT_THREADED) return rti_threaded_validate(accel);
 #endif
     stack[top].node = 0;
     stack[top++].depth = 0;
@@ -1853,6 +1872,10 @@ static void rti_free_accel(rt_accel *accel)
     rti_release(accel->kdnodes, user);
     rti_release(accel->kdlinks, user);
     rti_release(accel->kdslots, user);
+#endif
+#if RTI_THREADED
+    rti_release(accel->links, user);
+    rti_release(accel->instance_nodes, user);
 #endif
     rti_release(accel->triangles, user);
     rti_release(accel->triangle_ids, user);
@@ -3011,6 +3034,366 @@ out:
 
 #endif /* RTI_KDTREE */
 
+/* ---- >>slots -------------------------------------------------------------------------------------------------------- */
+
+static uint32_t rti_slot_prim(const rt_accel *accel, int kind, size_t slot)
+{
+    if (kind == RTI_TRIANGLE) return accel->triangles ? accel->triangles[slot].prim : accel->triangle_ids[slot];
+#if RTI_SPHERES
+    if (kind == RTI_SPHERE) return accel->balls ? accel->balls[slot].prim : accel->ball_ids[slot];
+#endif
+#if RTI_INSTANCES
+    if (kind == RTI_INSTANCE) return accel->instances[slot].prim;
+#endif
+    return RT_NONE;
+}
+
+/* The leaf's primitives must be good. */
+static rti_box rti_leaf_box(const rt_accel *accel, const rt_geometry *geo, const rti_node *leaf)
+{
+    rti_box box = rti_empty_box, prim_box;
+    uint32_t i;
+    int kind;
+    for (i = 0; i < rti_leaf_count(leaf); i++) {
+        (void)rti_prim_box(geo, rti_slot_prim(accel, rti_leaf_kind(leaf), leaf->index + i), &prim_box, &kind);
+        rti_box_grow(&box, prim_box.lo, prim_box.hi);
+    }
+    return box;
+}
+
+/* ---- >>threaded ----------------------------------------------------------------------------------------------------- */
+
+#if RTI_THREADED
+
+/* [Lohr] 4. The binary tree of >>bvh is laid out depth first; nodes that do not pay are thrown back, which makes the others wider; then the
+   stack of every walk is baked in: each node is told where to go on when it is hit, its first child, and when it is missed, what follows
+   everything below it. To where the walk would end links point straight away ([Lohr]'s compression). Which child is first depends on where
+   rays go: so there may be several lists of links, each for directions with certain signs, over the same nodes.
+
+   To throw a child with two children of its own back to its parent saves one test for each ray in the parent and costs two for each that
+   misses the child: it pays where the child's surface is more than half of the parent's. */
+#define RTI_BRANCHING 16                    /* the defaults; measured, see tests/bench_lohr.h */
+#define RTI_ORDERS 8
+#define RTI_THROW_BACK 0.5
+
+/* One node of the binary tree, depth first, its child at the lower end of axis next to it. */
+typedef struct {
+    rti_node node;
+    uint32_t skip;                          /* what follows everything below it */
+    uint32_t id;                            /* in accel->nodes; RT_NONE: thrown back */
+    int axis;
+} rti_twig;
+
+typedef struct {
+    rt_accel *accel;
+    const rt_geometry *geo;
+    const rti_node *binary;
+    rti_twig *twigs;
+    rti_link *links;                        /* of the order that is made, */
+    unsigned reversed;                      /* and the axes along which it runs from the upper end, a bit each */
+} rti_threader;
+
+/* Lays out what is below a node from twig `at` on; answers the twig behind. Recursion as deep as the tree: at most RTI_MAX_DEPTH. */
+static uint32_t rti_unfold(rti_threader *t, const rti_node *from, uint32_t at)
+{
+    rti_twig *twig = &t->twigs[at];
+    twig->node = *from;
+    twig->axis = 0;
+    twig->skip = at + 1;
+    if (!from->count) {
+        const rti_node *a = t->binary + from->index, *b = a + 1;
+        float far = -1;
+        bool swap = false;
+        int k;
+        for (k = 0; k < 3; k++) {           /* halves first: the sum of two coordinates stays a float */
+            const float d = (0.5f * b->bounds[k] + 0.5f * b->bounds[3 + k]) - (0.5f * a->bounds[k] + 0.5f * a->bounds[3 + k]);
+            if (!(fabsf(d) > far)) continue;
+            far = fabsf(d);
+            twig->axis = k;
+            swap = d < 0;
+        }
+        twig->skip = rti_unfold(t, swap ? a : b, rti_unfold(t, swap ? b : a, at + 1));
+    }
+    return twig->skip;
+}
+
+/* The points that a primitive's bounding sphere must hold: the corners of a triangle, or of an instance's box; 0: a sphere, which is ball. */
+static int rti_prim_points(const rt_geometry *geo, uint32_t prim, double points[8][3], rt_sphere *ball)
+{
+    rti_box box;
+    float v[9];
+    int kind, i, k;
+    if (prim < geo->triangle_count) {
+        (void)rti_fetch_triangle(geo, prim, v);
+        for (i = 0; i < 9; i++) points[i / 3][i % 3] = (double)v[i];
+        return 3;
+    }
+#if RTI_SPHERES
+    if (prim - geo->triangle_count < geo->sphere_count) {
+        *ball = geo->spheres[prim - geo->triangle_count];
+        return 0;
+    }
+#endif
+    (void)ball;
+    (void)rti_prim_box(geo, prim, &box, &kind);
+    for (i = 0; i < 8; i++)
+        for (k = 0; k < 3; k++) points[i][k] = (double)(i >> k & 1 ? box.hi[k] : box.lo[k]);
+    return 8;
+}
+
+/* Centre x y z and radius of a sphere around the primitives of a leaf, which is at least that far from `from` what they need: grows *most. */
+static void rti_reach_leaf(const rt_accel *accel, const rt_geometry *geo, const rti_node *leaf, const double from[3], double *most)
+{
+    uint32_t n;
+    int i;
+    for (n = 0; n < rti_leaf_count(leaf); n++) {
+        double points[8][3], far = 0;
+        rt_sphere ball = { { 0, 0, 0 }, 0 };
+        const int count = rti_prim_points(geo, rti_slot_prim(accel, rti_leaf_kind(leaf), leaf->index + n), points, &ball);
+        if (!count) {
+            points[0][0] = (double)ball.center.x;
+            points[0][1] = (double)ball.center.y;
+            points[0][2] = (double)ball.center.z;
+            far = (double)ball.radius;
+        }
+        for (i = 0; i < (count ? count : 1); i++) {
+            const double x = points[i][0] - from[0], y = points[i][1] - from[1], z = points[i][2] - from[2];
+            const double reach = sqrt(x * x + y * y + z * z) + far;
+            if (reach > *most) *most = reach;
+        }
+    }
+}
+
+/* The bounding sphere of a node from the leaves below it, [first, last) of every stride-th node, around the middle of box. A little larger, for
+   the rounding of the test; see rti_meet_sphere. */
+static void rti_set_sphere(const rt_accel *accel, const rt_geometry *geo, const char *first, const char *last, size_t stride,
+                           const rti_box *box, float bounds[6])
+{
+    double center[3], most = 0;
+    int k;
+    for (k = 0; k < 3; k++) {
+        bounds[k] = 0.5f * box->lo[k] + 0.5f * box->hi[k];
+        center[k] = (double)bounds[k];
+        bounds[3 + k] = 0;
+    }
+    for (; first < last; first += stride) {
+        const rti_node *node = (const rti_node *)(const void *)first;
+        if (node->count) rti_reach_leaf(accel, geo, node, center, &most);
+    }
+    bounds[3] = rti_float_up(most * 1.000002);
+}
+
+static double rti_surface(const rt_accel *accel, const rti_node *node)
+{
+    rti_box box;
+    if (accel->bounds == RT_BOUNDS_SPHERES) return (double)node->bounds[3] * (double)node->bounds[3];
+    memcpy(box.lo, node->bounds, 3 * sizeof(float));
+    memcpy(box.hi, node->bounds + 3, 3 * sizeof(float));
+    return rti_half_area(&box);
+}
+
+/* Throws back children of a kept node, the largest first, while they are larger than the part of it and there is room. */
+static void rti_throw_back(rti_threader *t, uint32_t at, size_t branching, double part)
+{
+    uint32_t children[RT_MAX_BRANCHING];
+    const double limit = part * rti_surface(t->accel, &t->twigs[at].node);
+    size_t count = 2, i, largest;
+    children[0] = at + 1;
+    children[1] = t->twigs[at + 1].skip;
+    while (count < branching) {
+        double most = limit;
+        for (i = 0, largest = count; i < count; i++) {
+            const rti_node *child = &t->twigs[children[i]].node;
+            const double surface = child->count ? 0 : rti_surface(t->accel, child);
+            if (!child->count && surface >= most && (surface > most || largest == count)) {
+                most = surface;
+                largest = i;
+            }
+        }
+        if (largest == count) break;
+        t->twigs[children[largest]].id = RT_NONE;
+        children[count++] = t->twigs[children[largest] + 1].skip;
+        children[largest]++;
+    }
+}
+
+/* Links what is below twig `at`, and then goes on at next; answers where that starts. Recursion as deep as the tree. */
+static uint32_t rti_link_up(const rti_threader *t, uint32_t at, uint32_t next)
+{
+    const rti_twig *twig = &t->twigs[at];
+    uint32_t first = next;
+    if (!twig->node.count) {
+        const uint32_t lower = at + 1, upper = t->twigs[lower].skip;
+        const bool back = t->reversed >> twig->axis & 1;
+        first = rti_link_up(t, back ? upper : lower, rti_link_up(t, back ? lower : upper, next));
+    }
+    if (twig->id == RT_NONE) return first;
+    t->links[twig->id].hit = first;
+    t->links[twig->id].miss = next;
+    return twig->id;
+}
+
+/* From the binary tree in accel->nodes, whose slots are filled. */
+static rt_status rti_thread(rt_accel *accel, const rt_geometry *geo, const rt_build_options *opt)
+{
+    const size_t n = accel->node_count, branching = opt->branching ? (size_t)opt->branching : RTI_BRANCHING;
+    const double part = opt->throw_back ? (double)opt->throw_back : RTI_THROW_BACK;
+    rti_node *nodes;
+    rti_threader t;
+    int axes[3] = { 0, 1, 2 }, o, i, j;
+    uint32_t at, count = 0, ends[RTI_MAX_DEPTH + 1];
+    accel->bounds = opt->bounds;
+    accel->orders = opt->orders ? opt->orders : RTI_ORDERS;
+    for (i = 0; i < 2; i++)                 /* the longest axes of the tree tell the orders apart */
+        for (j = i + 1; j < 3; j++)
+            if (accel->upper[axes[j]] - accel->lower[axes[j]] > accel->upper[axes[i]] - accel->lower[axes[i]]) {
+                const int axis = axes[i];
+                axes[i] = axes[j];
+                axes[j] = axis;
+            }
+    memcpy(accel->order_axes, axes, sizeof axes);
+    t.accel = accel;
+    t.geo = geo;
+    t.binary = accel->nodes;
+    t.twigs = (rti_twig *)rti_alloc(n, sizeof *t.twigs, accel->memory_user);
+    if (!t.twigs) return RT_ERROR_MEMORY;
+    (void)rti_unfold(&t, t.binary, 0);
+    for (at = 0; at < n; at++) {
+        rti_twig *twig = &t.twigs[at];
+        twig->id = 0;
+        if (accel->bounds == RT_BOUNDS_SPHERES) {
+            rti_box box;
+            memcpy(box.lo, twig->node.bounds, 3 * sizeof(float));
+            memcpy(box.hi, twig->node.bounds + 3, 3 * sizeof(float));
+            rti_set_sphere(accel, geo, (const char *)twig, (const char *)(t.twigs + twig->skip), sizeof *twig, &box, twig->node.bounds);
+        }
+    }
+    accel->depth = 0;
+    for (at = 0; at < n; at++) {            /* parents come before their children */
+        rti_twig *twig = &t.twigs[at];
+        if (twig->id == RT_NONE) continue;
+        if (!twig->node.count && part > 0) rti_throw_back(&t, at, branching, part);
+        twig->id = count++;
+    }
+    nodes = (rti_node *)rti_alloc(count, sizeof *nodes, accel->memory_user);
+    accel->links = (rti_link *)rti_alloc(count, (size_t)accel->orders * sizeof *accel->links, accel->memory_user);
+#if RTI_INSTANCES
+    if (accel->slots[RTI_INSTANCE]) {
+        accel->instance_nodes = (uint32_t *)rti_alloc(accel->slots[RTI_INSTANCE], sizeof(uint32_t), accel->memory_user);
+        accel->bytes += accel->slots[RTI_INSTANCE] * sizeof(uint32_t);
+    }
+    if (accel->slots[RTI_INSTANCE] && !accel->instance_nodes) accel->node_count = 0;
+#endif
+    if (!nodes || !accel->links || !accel->node_count) {
+        rti_release(nodes, accel->memory_user);
+        rti_release(t.twigs, accel->memory_user);
+        return RT_ERROR_MEMORY;
+    }
+    for (at = 0, i = 0; at < n; at++) {
+        const rti_twig *twig = &t.twigs[at];
+        if (twig->id == RT_NONE) continue;
+        nodes[twig->id] = twig->node;
+        if (!twig->node.count) nodes[twig->id].index = 0;
+#if RTI_INSTANCES
+        else if (rti_leaf_kind(&twig->node) == RTI_INSTANCE)
+            for (j = 0; j < (int)rti_leaf_count(&twig->node); j++) accel->instance_nodes[twig->node.index + (uint32_t)j] = twig->id;
+#endif
+        while (i && ends[i - 1] <= at) i--;         /* the kept nodes around this one */
+        if (i > accel->depth) accel->depth = i;
+        if (!twig->node.count) ends[i++] = twig->skip;
+    }
+    for (o = 0; o < accel->orders; o++) {
+        t.reversed = 0;
+        for (i = 0; i < 3; i++)
+            if (o >> i & 1) t.reversed |= 1u << axes[i];
+        t.links = accel->links + (size_t)o * count;
+        (void)rti_link_up(&t, 0, RTI_END);
+    }
+    rti_release(t.twigs, accel->memory_user);
+    rti_release(accel->nodes, accel->memory_user);
+    accel->bytes += count * (sizeof(rti_node) + (size_t)accel->orders * sizeof(rti_link)) - n * sizeof(rti_node);
+    accel->nodes = nodes;
+    accel->node_count = count;
+    return RT_OK;
+}
+
+/* Bounds from the primitives, for >>refit: each list of links visits children before what follows their parent, so backwards all is there. Spheres are
+   made anew from all that is below them, O(n log n), as rti_thread does: spheres around spheres would grow at each level. */
+static void rti_rebound(rt_accel *accel, const rt_geometry *geo)
+{
+    const rti_link *const links = accel->links;
+    size_t i;
+    int k;
+    for (i = accel->node_count; i-- > 0;) {
+        rti_node *node = &accel->nodes[i];
+        rti_box box = rti_empty_box;
+        size_t j, end = links[i].miss == RTI_END ? accel->node_count : links[i].miss;
+        if (accel->bounds == RT_BOUNDS_SPHERES) {
+            for (j = i; j < end; j++)
+                if (accel->nodes[j].count) {
+                    const rti_box leaf = rti_leaf_box(accel, geo, &accel->nodes[j]);
+                    rti_box_grow(&box, leaf.lo, leaf.hi);
+                }
+            rti_set_sphere(accel, geo, (const char *)node, (const char *)(accel->nodes + end), sizeof *node, &box, node->bounds);
+        } else if (node->count) {
+            box = rti_leaf_box(accel, geo, node);
+            rti_set_bounds(node, &box);
+        } else {
+            for (j = i + 1; j < end; j = links[j].miss == RTI_END ? accel->node_count : links[j].miss) {
+                const float *b = accel->nodes[j].bounds;
+                const float lo[4] = { b[0], b[1], b[2], 0 }, hi[4] = { b[3], b[4], b[5], 0 };
+                rti_box_grow(&box, lo, hi);
+            }
+            rti_set_bounds(node, &box);
+        }
+        if (i) continue;
+        for (k = 0; k < 3; k++) {
+            accel->lower[k] = box.lo[k];
+            accel->upper[k] = box.hi[k];
+        }
+    }
+}
+
+/* Each order of links visits every node once, parents before their children, whose bounds lie in theirs or, spheres, hold the primitives. */
+static bool rti_threaded_validate(const rt_accel *accel)
+{
+    size_t seen[RTI_KINDS] = { 0, 0, 0 }, i, k;
+    int o;
+    for (o = 0; o < accel->orders; o++) {
+        const rti_link *links = accel->links + (size_t)o * accel->node_count;
+        size_t visits = 0;
+        uint32_t at;
+        for (at = 0; at != RTI_END; at = links[at].hit, visits++) {
+            const uint32_t end = at < accel->node_count ? links[at].miss : 0;
+            uint32_t child;
+            if (at >= accel->node_count || visits == accel->node_count) return false;
+            if (accel->nodes[at].count) {
+                if (links[at].hit != end) return false;
+                continue;
+            }
+            for (child = links[at].hit, i = 0; child != end; child = links[child].miss, i++) {
+                if (child >= accel->node_count || child <= at || i == RT_MAX_BRANCHING) return false;
+                for (k = 0; k < 3 && accel->bounds == RT_BOUNDS_BOXES; k++)
+                    if (accel->nodes[child].bounds[k] < accel->nodes[at].bounds[k] ||
+                        accel->nodes[child].bounds[3 + k] > accel->nodes[at].bounds[3 + k]) return false;
+            }
+            if (i < 2) return false;
+        }
+        if (visits != accel->node_count) return false;
+    }
+    for (i = 0; i < accel->node_count; i++) {
+        const rti_node *node = &accel->nodes[i];
+        const int kind = rti_leaf_kind(node);
+        if (accel->bounds == RT_BOUNDS_SPHERES ? !(node->bounds[3] >= 0) : !(node->bounds[0] <= node->bounds[3])) return false;
+        if (!node->count) continue;
+        if (kind >= RTI_KINDS || node->index + (size_t)rti_leaf_count(node) > accel->slots[kind]) return false;
+        seen[kind] += rti_leaf_count(node);
+    }
+    return seen[0] == accel->slots[0] && seen[1] == accel->slots[1] && seen[2] == accel->slots[2];
+}
+
+#endif /* RTI_THREADED */
+
 /* ---- >>build-any ---------------------------------------------------------------------------------------------------- */
 
 static rt_status rti_check_build_options(const rt_build_options *opt)
@@ -3028,9 +3411,19 @@ static rt_status rti_check_build_options(const rt_build_options *opt)
     if (opt->max_duplication != 0 && !(opt->max_duplication >= 1 && opt->max_duplication <= RTI_MAX_DUPLICATION))
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "max_duplication is %g: it must be 0 (as %d) or between 1 and %d",
                         (double)opt->max_duplication, RTI_DUPLICATION, RTI_MAX_DUPLICATION);
-    if (opt->structure != RT_BVH && (opt->structure != RT_KDTREE || !RTI_KDTREE))
-        return rti_fail(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "structure %s is not built%s", rti_structure_names[opt->structure],
-                        opt->structure == RT_KDTREE ? " (RT_NO_KDTREE)" : " yet");
+    if ((unsigned)opt->bounds >= RT_BOUNDS_COUNT)
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "bounds %d is none of rt_bounds", (int)opt->bounds);
+    if (opt->branching && (opt->branching < 2 || opt->branching > RT_MAX_BRANCHING))
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "branching is %d: it must be 0 (the default) or between 2 and %d",
+                        opt->branching, RT_MAX_BRANCHING);
+    if (opt->orders && opt->orders != 1 && opt->orders != 2 && opt->orders != 4 && opt->orders != 8)
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "orders is %d: it must be 0 (the default), 1, 2, 4 or 8", opt->orders);
+    if (!(opt->throw_back <= 1))
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "throw_back is %g: it must be 0 (the default), up to 1, or negative (none)",
+                        (double)opt->throw_back);
+    if ((opt->structure == RT_KDTREE && !RTI_KDTREE) || (opt->structure == RT_THREADED && !RTI_THREADED))
+        return rti_fail(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "structure %s is not built (%s)", rti_structure_names[opt->structure],
+                        opt->structure == RT_KDTREE ? "RT_NO_KDTREE" : "RT_NO_THREADED");
     return RT_OK;
 }
 
@@ -3048,6 +3441,9 @@ static rt_status rti_build_tree_of(rt_accel *accel, const rt_geometry *geo, cons
             status = rti_build_bvh(accel, geo, opt, refs, count);
     }
     rti_release(refs, opt->memory_user);
+#if RTI_THREADED
+    if (status == RT_OK && count && opt->structure == RT_THREADED) status = rti_thread(accel, geo, opt);
+#endif
     if (status == RT_OK) rti_set_reach(accel);
     return status == RT_ERROR_MEMORY ? rti_fail(opt->error, status, RT_NONE, "out of memory for %lu primitives",
                                                 (unsigned long)(geo->triangle_count + rti_sphere_count(geo) + rti_instance_count(geo)))
@@ -3098,31 +3494,6 @@ RT_API void rt_free(rt_accel *accel)
 
 /* ---- >>refit -------------------------------------------------------------------------------------------------------- */
 
-static uint32_t rti_slot_prim(const rt_accel *accel, int kind, size_t slot)
-{
-    if (kind == RTI_TRIANGLE) return accel->triangles ? accel->triangles[slot].prim : accel->triangle_ids[slot];
-#if RTI_SPHERES
-    if (kind == RTI_SPHERE) return accel->balls ? accel->balls[slot].prim : accel->ball_ids[slot];
-#endif
-#if RTI_INSTANCES
-    if (kind == RTI_INSTANCE) return accel->instances[slot].prim;
-#endif
-    return RT_NONE;
-}
-
-/* The leaf's primitives must be good. */
-static rti_box rti_leaf_box(const rt_accel *accel, const rt_geometry *geo, const rti_node *leaf)
-{
-    rti_box box = rti_empty_box, prim_box;
-    uint32_t i;
-    int kind;
-    for (i = 0; i < rti_leaf_count(leaf); i++) {
-        (void)rti_prim_box(geo, rti_slot_prim(accel, rti_leaf_kind(leaf), leaf->index + i), &prim_box, &kind);
-        rti_box_grow(&box, prim_box.lo, prim_box.hi);
-    }
-    return box;
-}
-
 RT_API rt_status rt_refit_error(rt_accel *accel, const rt_geometry *geo, rt_error *error)
 {
     size_t i, bad = SIZE_MAX;
@@ -3130,7 +3501,7 @@ RT_API rt_status rt_refit_error(rt_accel *accel, const rt_geometry *geo, rt_erro
     rt_status status;
     if (!accel) return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "accel is NULL");
     if ((status = rti_check_geometry(geo, error)) != RT_OK) return status;
-    if (accel->structure != RT_BVH)
+    if (accel->structure == RT_KDTREE)
         return rti_fail(error, RT_ERROR_UNSUPPORTED, RT_NONE, "a %s cannot be refitted: its planes cut primitives where they were; build "
                         "a new one", rti_structure_names[accel->structure]);
     if (geo->triangle_count != accel->geo.triangle_count || rti_sphere_count(geo) != rti_sphere_count(&accel->geo) ||
@@ -3172,6 +3543,13 @@ RT_API rt_status rt_refit_error(rt_accel *accel, const rt_geometry *geo, rt_erro
 #endif
 #if RTI_INSTANCES
     for (i = 0; i < accel->slots[RTI_INSTANCE]; i++) rti_fill_instance(&accel->instances[i], geo);
+#endif
+#if RTI_THREADED
+    if (accel->structure == RT_THREADED) {
+        rti_rebound(accel, geo);
+        rti_set_reach(accel);
+        return RT_OK;
+    }
 #endif
     for (i = accel->node_count; i-- > 0;) {             /* children stand behind their parents */
         rti_node *node = &accel->nodes[i];
@@ -3263,8 +3641,19 @@ RT_API void rt_get_info(const rt_accel *accel, rt_info *info)
         memcpy(box.lo, node->bounds, 3 * sizeof(float));
         memcpy(box.hi, node->bounds + 3, 3 * sizeof(float));
         part = rti_half_area(&box);
+#if RTI_THREADED
+        if (accel->structure == RT_THREADED) part = rti_surface(accel, node);
+#endif
         if (!i) area = part;
         part = area > 0 ? part / area : 1;
+#if RTI_THREADED
+        if (accel->structure == RT_THREADED && !node->count) {      /* a test a child, where RT_BVH has two a node */
+            uint32_t child;
+            for (child = accel->links[i].hit; child != accel->links[i].miss; child = accel->links[child].miss)
+                info->sah += part * 0.5 * RTI_TRAVERSAL_COST;
+            continue;
+        }
+#endif
         if (node->count) {
             uint32_t count = rti_leaf_count(node);
             info->leaves++;
@@ -3331,6 +3720,8 @@ RT_API bool rt_instance_transform_at(const rt_accel *accel, uint32_t inst, float
 #define RTI_WALK_ANY   1                    /* stop at the first hit */
 #define RTI_WALK_ALL   2                    /* leaves may hold spheres and instances */
 #define RTI_WALK_COUNT 4                    /* fill rt_stats */
+#define RTI_WALK_ROUND 16                   /* RT_THREADED: bounds are spheres; */
+#define RTI_WALK_EITHER 32                  /* what they are is asked each time */
 #define RTI_WALK_LIKELY 8                   /* a triangle that is tested is likely to be hit */
 
 #if !RTI_STATS
@@ -3599,9 +3990,11 @@ typedef void (*rti_aim_function)(rti_surfaces *s, size_t count, rt_vec3 light);
 static const rt_algorithm_info rti_algorithms[] = {
 #define RTI_LARGE(a) (RTI_PACKETS && (a) >= RT_BVH_MASKED && (a) <= RT_BVH_PARTITION)
 #define RTI_BUILT(a) ((a) == RT_AUTO || (a) == RT_BVH_STACK || (RTI_PACKETS && (a) == RT_BVH_SIMD) || RTI_LARGE(a) || \
-                      (RTI_KDTREE && (a) >= RT_KD_STACK && (a) <= RT_KD_BACKTRACK))
+                      (RTI_KDTREE && (a) >= RT_KD_STACK && (a) <= RT_KD_BACKTRACK) || \
+                      (RTI_THREADED && ((a) == RT_THREADED_SINGLE || (RTI_PACKETS && (a) == RT_THREADED_PARALLEL))))
 #define RTI_PACKET(a) (RTI_PACKETS && ((a) == RT_AUTO || (a) == RT_BVH_SIMD || RTI_LARGE(a) || \
-                                       (RTI_KDTREE && (a) >= RT_KD_STACK && (a) < RT_KD_BACKTRACK)))
+                                       (RTI_KDTREE && (a) >= RT_KD_STACK && (a) < RT_KD_BACKTRACK) || \
+                                       (RTI_THREADED && (a) == RT_THREADED_PARALLEL)))
 #define RTI_ROW(name, text, structure, what) { text, what, name, structure, RTI_BUILT(name), RTI_PACKET(name), RTI_LARGE(name) },
     RT_ALGORITHM_LIST(RTI_ROW)
 };
@@ -3621,8 +4014,9 @@ RT_API rt_isa rt_best_isa(void)
    with this isa. */
 static rti_batch_function rti_batch_of(rt_algorithm algorithm, int width, rt_isa isa)
 {
-    const bool large = RTI_LARGE(algorithm), single = algorithm != RT_BVH_SIMD && !large && rti_algorithms[algorithm].built;
-    const bool packet = rti_algorithms[algorithm].packets && !large, tries = packet && algorithm == RT_AUTO && !width;
+    const bool large = RTI_LARGE(algorithm), parallel = algorithm == RT_THREADED_PARALLEL && rti_algorithms[algorithm].built;
+    const bool single = algorithm != RT_BVH_SIMD && !large && !parallel && rti_algorithms[algorithm].built;
+    const bool packet = rti_algorithms[algorithm].packets && !large && !parallel, tries = packet && algorithm == RT_AUTO && !width;
     if (isa == RT_ISA_AUTO) isa = rt_best_isa();
 #if RTI_X86 && !RTI_MSVC
     if (single && width == 1 && isa == RT_ISA_AVX2) return rti_batch_1_avx2;
@@ -3636,11 +4030,18 @@ static rti_batch_function rti_batch_of(rt_algorithm algorithm, int width, rt_isa
     if (large && width == RT_MAX_PACKET && isa == RT_ISA_AVX2) return rti_batch_largest_8;
     if (large && (width == 4 || width == 8 || width == 16) && isa == RT_ISA_AVX2) return rti_batch_large_8;
 #endif
+#if RTI_THREADED
+    if (parallel && (width == 2 || width == 4)) return rti_batch_parallel_4;
+#if RTI_X86
+    if (parallel && (width == 8 || width == 16) && isa == RT_ISA_AVX2) return rti_batch_parallel_8;
+#endif
+    if (parallel && (width == 8 || width == 16)) return rti_batch_parallel_4;
+#endif
     if (tries) return rti_batch_auto_4;
     if (large && width == RT_MAX_PACKET) return rti_batch_largest_4;
     if (large && (width == 4 || width == 8 || width == 16)) return rti_batch_large_4;
 #endif
-    (void)packet, (void)large, (void)tries;
+    (void)packet, (void)large, (void)parallel, (void)tries;
     return NULL;
 }
 
@@ -3741,6 +4142,7 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
     width = opt->packet_width;
     if (!width) {
         if (RTI_LARGE(opt->algorithm)) width = 16;
+        else if (opt->algorithm == RT_THREADED_PARALLEL) width = 8;
         else if (opt->algorithm != RT_AUTO) width = widths[n - 1];
         else if (count < 4) width = 1;
         else if (!RTI_PACKETS || accel->structure != RT_BVH || count < RTI_AUTO_RAYS / 4) width = widths[n - 1];    /* else 0: by trying */
@@ -5167,6 +5569,26 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_kd_stack_closest_all RTI_NAME_(rti_kd_stack_closest_all)
 #define rti_kd_stack_any_all RTI_NAME_(rti_kd_stack_any_all)
 #define rti_kd_walk RTI_NAME_(rti_kd_walk)
+#define rti_sweep RTI_NAME_(rti_sweep)
+#define rti_make_sweep RTI_NAME_(rti_make_sweep)
+#define rti_meet_sphere RTI_NAME_(rti_meet_sphere)
+#define rti_thread_state RTI_NAME_(rti_thread_state)
+#define rti_thread_start RTI_NAME_(rti_thread_start)
+#define rti_thread_enter RTI_NAME_(rti_thread_enter)
+#define rti_thread_leave RTI_NAME_(rti_thread_leave)
+#define rti_thread_body RTI_NAME_(rti_thread_body)
+#define rti_thread_closest RTI_NAME_(rti_thread_closest)
+#define rti_thread_any RTI_NAME_(rti_thread_any)
+#define rti_thread_closest_all RTI_NAME_(rti_thread_closest_all)
+#define rti_thread_any_all RTI_NAME_(rti_thread_any_all)
+#define rti_thread_closest_count RTI_NAME_(rti_thread_closest_count)
+#define rti_thread_any_count RTI_NAME_(rti_thread_any_count)
+#define rti_thread_closest_round RTI_NAME_(rti_thread_closest_round)
+#define rti_thread_any_round RTI_NAME_(rti_thread_any_round)
+#define rti_thread_aim RTI_NAME_(rti_thread_aim)
+#define rti_thread_walk RTI_NAME_(rti_thread_walk)
+#define rti_thread_groups RTI_NAME_(rti_thread_groups)
+#define rti_batch_parallel RTI_NAME_(rti_batch_parallel)
 #define rti_vfma RTI_NAME_(rti_vfma)
 #define rti_vquad RTI_NAME_(rti_vquad)
 #define rti_vapart RTI_NAME_(rti_vapart)
@@ -5250,6 +5672,11 @@ RTI_FN rti_v rti_vadd(rti_v a, rti_v b) { return a + b; }
 RTI_FN rti_v rti_vsub(rti_v a, rti_v b) { return a - b; }
 RTI_FN rti_v rti_vmul(rti_v a, rti_v b) { return a * b; }
 RTI_FN rti_v rti_vdiv(rti_v a, rti_v b) { return a / b; }
+#if RTI_FMA
+RTI_FN rti_v rti_vfma(rti_v a, rti_v b, rti_v c) { return fmaf(a, b, c); }
+#else
+RTI_FN rti_v rti_vfma(rti_v a, rti_v b, rti_v c) { return a * b + c; }
+#endif
 RTI_FN rti_v rti_vmin(rti_v a, rti_v b) { return a < b ? a : b; }
 RTI_FN rti_v rti_vmax(rti_v a, rti_v b) { return a > b ? a : b; }
 RTI_FN rti_v rti_vabs(rti_v a) { return fabsf(a); }
@@ -6446,6 +6873,281 @@ RTI_FN unsigned rti_kd_walk(const rt_accel *accel, rti_packet *p, unsigned live,
 
 #endif /* RTI_KDTREE */
 
+#if RTI_THREADED
+
+/* [Lohr] 4 to 6. From node to node along the links: no stack. Several packets may go together, on an either-or basis: what any of their rays hits
+   is entered by all ([Lohr] 5). Which list of links they take only decides how soon near hits shorten the rays.
+
+   A transform node, an instance whose accel is threaded too, is entered and left without a stack ([Lohr] 6): rays are transformed, and the
+   walk goes on at the root of that accel. Behind its last node the number of the path, see >>instance, is the way back: it tells which instance
+   of which accel was entered, that accel's leaf where to go on, and the rays there are those of the outermost accel, transformed
+   again down the path, with the hits found meanwhile. */
+
+#define RTI_GROUPS (RTI_WIDTH == 1 ? 1 : 16 / RTI_WIDTH)   /* packets that go together at most: 16 rays */
+
+/* What the test of bounding spheres needs of the rays of a packet. Directions are scaled, so that no square leaves the floats. */
+typedef struct { rti_v org[3], dir[3], largest, rlength2, tmin, pad; } rti_sweep;
+
+RTI_FN rti_sweep rti_make_sweep(const rti_packet *p)
+{
+    const rti_v x = rti_vabs(rti_vload(p->dir[0])), y = rti_vabs(rti_vload(p->dir[1])), z = rti_vabs(rti_vload(p->dir[2]));
+    rti_v rlargest, length2;
+    rti_sweep s;
+    int k;
+    s.largest = rti_vmax(rti_vmax(x, y), z);
+    rlargest = rti_vdiv(rti_vset(1), s.largest);
+    RTI_UNROLL
+    for (k = 0; k < 3; k++) {
+        s.org[k] = rti_vload(p->org[k]);
+        s.dir[k] = rti_vmul(rti_vload(p->dir[k]), rlargest);
+    }
+    length2 = rti_vadd(rti_vadd(rti_vmul(s.dir[0], s.dir[0]), rti_vmul(s.dir[1], s.dir[1])), rti_vmul(s.dir[2], s.dir[2]));
+    s.rlength2 = rti_vdiv(rti_vset(1), length2);
+    s.tmin = rti_vmul(rti_vload(p->tmin), s.largest);
+    s.pad = rti_vmul(rti_vset(6), rti_vload(p->pad));
+    return s;
+}
+
+/* Lanes whose ray comes nearer to the centre than the radius, between tmin and tmax. With e = 2^-24 and R as in rti_prepare, which is at least the
+   distance over sqrt(3): the point nearest to the centre is found to within 12 e times the distance, 21 e R, and a hit lies up to sqrt(3)
+   pads off its primitive: together less than 4 pads, since one is at least 16 e R. Squares err by 8 e of the radius at most, by which
+   rti_set_sphere has made it larger. */
+RTI_FN unsigned rti_meet_sphere(const rti_sweep *s, const float sphere[4], rti_v tmax)
+{
+    const rti_v x = rti_vsub(rti_vset(sphere[0]), s->org[0]), y = rti_vsub(rti_vset(sphere[1]), s->org[1]);
+    const rti_v z = rti_vsub(rti_vset(sphere[2]), s->org[2]), r = rti_vadd(rti_vset(sphere[3]), s->pad);
+    const rti_v along = rti_vfma(x, s->dir[0], rti_vfma(y, s->dir[1], rti_vmul(z, s->dir[2])));
+    const rti_v at = rti_vmin(rti_vmax(rti_vmul(along, s->rlength2), s->tmin), rti_vmul(tmax, s->largest));
+    const rti_v dx = rti_vsub(x, rti_vmul(at, s->dir[0])), dy = rti_vsub(y, rti_vmul(at, s->dir[1])), dz = rti_vsub(z, rti_vmul(at, s->dir[2]));
+    return rti_vle(rti_vfma(dx, dx, rti_vfma(dy, dy, rti_vmul(dz, dz))), rti_vmul(r, r));
+}
+
+/* Where packets are in a threaded tree: in which accel, along which list of links. */
+typedef struct {
+    const rt_accel *accel;
+    const rti_node *nodes;
+    const rti_link *links;
+    uint32_t at;                            /* the node that comes next */
+    uint32_t inst;                          /* what hits on the accel's own primitives are called */
+    rti_packet *p;                          /* the rays there */
+    unsigned live[RTI_GROUPS];
+} rti_thread_state;
+
+/* To the first node of accel. */
+RTI_FN void rti_thread_start(rti_thread_state *s, const rt_accel *accel, uint32_t inst, rti_packet *p)
+{
+    uint32_t order = 0;
+    int i;
+    for (i = 0; 1 << i < accel->orders; i++) order |= (uint32_t)p->side[accel->order_axes[i]] << i;
+    s->accel = accel;
+    s->nodes = accel->nodes;
+    s->links = accel->links + (size_t)order * accel->node_count;
+    s->at = 0;
+    s->inst = inst;
+    s->p = p;
+}
+
+/* What the tests of bounds need of the rays. */
+RTI_FN void rti_thread_aim(const rti_thread_state *s, rti_slabs *slabs, rti_sweep *sweeps, const int groups, const int flags)
+{
+    int g;
+    RTI_UNROLL
+    for (g = 0; g < groups; g++) {
+        if (flags & (RTI_WALK_ROUND | RTI_WALK_EITHER)) sweeps[g] = rti_make_sweep(&s->p[g]);
+        if (!(flags & RTI_WALK_ROUND)) slabs[g] = rti_make_slabs(&s->p[g]);
+    }
+}
+
+#if RTI_INSTANCES
+/* Enters the instance in a slot with the rays of hit, which become inner; false: nothing is there for any of them. */
+RTI_NOINLINE RTI_TARGET bool rti_thread_enter(rti_thread_state *s, uint32_t slot, const unsigned *hit, rti_packet *inner, int groups)
+{
+    const rti_instance *in = &s->accel->instances[slot];
+    unsigned live[RTI_GROUPS], all = 0;
+    int g;
+    for (g = 0; g < groups; g++) all |= live[g] = rti_enter_instance(in, &s->p[g], hit[g], &inner[g], false);
+    if (!all) return false;
+    for (g = 0; g < groups; g++) s->live[g] = live[g];
+    rti_thread_start(s, in->accel, s->inst + 1 + in->base, inner);
+    return true;
+}
+
+/* Leaves the instance that the rays, inner, are in: they were outer in root, whose own hits are called inst. Answers the slot of that instance. */
+RTI_NOINLINE RTI_TARGET uint32_t rti_thread_leave(rti_thread_state *s, const rt_accel *root, uint32_t inst, rti_packet *outer,
+                                                  rti_packet *inner, const unsigned *live, int groups)
+{
+    const rt_accel *accel = root;
+    uint32_t path = s->inst - inst - 1, slot;
+    int g;
+    for (g = 0; g < groups; g++) {
+        rti_leave_instance(&outer[g], &inner[g], s->live[g]);
+        s->live[g] = live[g];
+    }
+    for (;;) {
+        const rti_instance *in;
+        slot = accel->instance_slots[rti_find_instance(accel, path)];
+        in = &accel->instances[slot];
+        path = path - in->base - 1;
+        if (path == RT_NONE) break;
+        for (g = 0; g < groups; g++)
+            s->live[g] = rti_enter_instance(in, accel == root ? &outer[g] : &inner[g], s->live[g], &inner[g], false);
+        accel = in->accel;
+    }
+    rti_thread_start(s, accel, s->inst - accel->instances[slot].base - 1, accel == root ? outer : inner);
+    return slot;
+}
+#endif
+
+/* groups packets from p on, of which live lanes go; adds those that hit something to found. */
+RTI_FN void rti_thread_body(const rt_accel *root, rti_packet *p, const unsigned *live, unsigned *found, const int groups, uint32_t inst,
+                            const int flags, const rti_job *job)
+{
+    rti_thread_state s;
+    rti_slabs slabs[RTI_GROUPS];
+    rti_sweep sweeps[RTI_GROUPS];
+    rti_v enter, leave;
+    const bool round = flags & RTI_WALK_EITHER ? root->bounds == RT_BOUNDS_SPHERES : (flags & RTI_WALK_ROUND) != 0;
+#if RTI_INSTANCES
+    rti_packet inner[RTI_GROUPS];
+#endif
+    unsigned hit[RTI_GROUPS], left = 0;
+    bool moved = false;                     /* to rays that slabs and sweeps are not of */
+    int g;
+    (void)job;
+    for (g = 0; g < groups; g++) left |= s.live[g] = live[g];
+    rti_thread_start(&s, root, inst, p);
+    if (flags & RTI_WALK_EITHER) {          /* of a number of groups that compilers do not know: else they warn */
+        memset(slabs, 0, sizeof slabs);
+        memset(sweeps, 0, sizeof sweeps);
+    }
+    rti_thread_aim(&s, slabs, sweeps, groups, flags);
+    while (left) {
+        const rti_node *node = NULL;
+        unsigned all = 0;
+        uint32_t from = 0;
+        if (s.at == RTI_END) {
+#if RTI_INSTANCES
+            if (flags & RTI_WALK_ALL && s.inst != inst) {       /* all that is left of the leaf comes next */
+                for (g = 0; g < groups; g++) hit[g] = flags & RTI_WALK_ANY ? live[g] & ~found[g] : live[g];
+                from = rti_thread_leave(&s, root, inst, p, inner, hit, groups);
+                node = s.nodes + s.accel->instance_nodes[from++];
+                s.at = s.links[node - s.nodes].miss;
+                for (g = 0; g < groups; g++) all |= hit[g] = s.live[g];
+                moved = true;
+            } else
+#endif
+                return;
+        }
+        if (moved) {
+            rti_thread_aim(&s, slabs, sweeps, groups, flags);
+            moved = false;
+        }
+        if (!node) {
+            do {
+                const rti_link link = s.links[s.at];
+                node = s.nodes + s.at;
+                all = 0;
+                RTI_UNROLL
+                for (g = 0; g < groups; g++) {
+                    const rti_v t = rti_vload(s.p[g].t);
+                    if (round) hit[g] = rti_meet_sphere(&sweeps[g], node->bounds, t) & s.live[g];
+                    else hit[g] = rti_hit_box(&slabs[g], node->bounds, t, &enter, &leave) & s.live[g];
+                    all |= hit[g];
+                    RTI_TALLY(job->stats, flags, boxes, rti_bit_count(s.live[g]));
+                    RTI_TALLY(job->stats, flags, nodes, node->count ? 0 : rti_bit_count(hit[g]));
+                    RTI_TALLY(job->stats, flags, active, rti_bit_count(hit[g]));
+                }
+                RTI_TALLY(job->stats, flags, steps, all != 0);
+                s.at = all ? link.hit : link.miss;
+            } while (!(all && node->count) && s.at != RTI_END);
+            if (!all || !node->count) continue;
+            from = node->index;
+        }
+#if RTI_INSTANCES
+        if (flags & RTI_WALK_ALL && rti_leaf_kind(node) == RTI_INSTANCE) {
+            const uint32_t end = node->index + rti_leaf_count(node);
+            for (; from < end && !moved; from++) {
+                const rt_accel *child = s.accel->instances[from].accel;
+                for (g = 0; g < groups; g++) RTI_TALLY(job->stats, flags, prims, rti_bit_count(hit[g]));
+                if (child->structure == RT_THREADED && child->bounds == root->bounds) moved = rti_thread_enter(&s, from, hit, inner, groups);
+                else
+                    for (g = 0; g < groups; g++) {
+                        const unsigned new_hits = rti_hit_instances(s.accel, &s.p[g], hit[g], NULL, from, 1, s.inst, job);
+                        found[g] |= new_hits;
+                        if (flags & RTI_WALK_ANY) s.live[g] &= ~new_hits, hit[g] &= ~new_hits;
+                    }
+            }
+        } else
+#endif
+        {
+            RTI_UNROLL
+            for (g = 0; g < groups; g++) {
+                const unsigned new_hits = hit[g] ? rti_hit_leaf(s.accel, &s.p[g], hit[g], NULL, node->index, node->count, s.inst, flags, job) : 0;
+                RTI_TALLY(job->stats, flags, leaves, rti_bit_count(hit[g]));
+                found[g] |= new_hits;
+                if (flags & RTI_WALK_ANY) s.live[g] &= ~new_hits;
+            }
+        }
+        if (flags & RTI_WALK_ANY)
+            for (g = 0, left = 0; g < groups; g++) left |= live[g] & ~found[g];
+    }
+}
+
+#define RTI_THREAD_WALK(name, constants)                                                                                          \
+    RTI_NOINLINE RTI_TARGET unsigned name(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job) \
+    {                                                                                                                             \
+        unsigned found = 0;                                                                                                       \
+        rti_thread_body(accel, p, &live, &found, 1, inst, constants, job);                                                        \
+        return found;                                                                                                             \
+    }
+RTI_THREAD_WALK(rti_thread_closest, 0)
+RTI_THREAD_WALK(rti_thread_any, RTI_WALK_ANY)
+#if RTI_SPHERES || RTI_INSTANCES
+RTI_THREAD_WALK(rti_thread_closest_all, RTI_WALK_ALL)
+RTI_THREAD_WALK(rti_thread_any_all, RTI_WALK_ALL | RTI_WALK_ANY)
+#endif
+RTI_THREAD_WALK(rti_thread_closest_round, RTI_WALK_ALL | RTI_WALK_ROUND)
+RTI_THREAD_WALK(rti_thread_any_round, RTI_WALK_ALL | RTI_WALK_ROUND | RTI_WALK_ANY)
+#if RTI_STATS
+RTI_THREAD_WALK(rti_thread_closest_count, RTI_WALK_ALL | RTI_WALK_EITHER | RTI_WALK_COUNT)
+RTI_THREAD_WALK(rti_thread_any_count, RTI_WALK_ALL | RTI_WALK_EITHER | RTI_WALK_COUNT | RTI_WALK_ANY)
+#endif
+#undef RTI_THREAD_WALK
+
+RTI_FN unsigned rti_thread_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
+{
+    const bool any = job->query == RT_ANY;
+#if RTI_STATS
+    if (job->stats) return any ? rti_thread_any_count(accel, p, live, inst, job) : rti_thread_closest_count(accel, p, live, inst, job);
+#endif
+    if (accel->bounds == RT_BOUNDS_SPHERES)
+        return any ? rti_thread_any_round(accel, p, live, inst, job) : rti_thread_closest_round(accel, p, live, inst, job);
+#if RTI_SPHERES || RTI_INSTANCES
+    if (accel->slots[RTI_SPHERE] || accel->slots[RTI_INSTANCE])
+        return any ? rti_thread_any_all(accel, p, live, inst, job) : rti_thread_closest_all(accel, p, live, inst, job);
+#endif
+    return any ? rti_thread_any(accel, p, live, inst, job) : rti_thread_closest(accel, p, live, inst, job);
+}
+
+#if RTI_WIDTH > 1
+/* Several packets together. */
+RTI_NOINLINE RTI_TARGET void rti_thread_groups(const rt_accel *accel, rti_packet *p, const unsigned *live, unsigned *found, int groups,
+                                               const rti_job *job)
+{
+    const int flags = RTI_WALK_ALL | RTI_WALK_EITHER;
+#if RTI_STATS
+    if (job->stats && job->query == RT_ANY)
+        rti_thread_body(accel, p, live, found, groups, RT_NONE, flags | RTI_WALK_COUNT | RTI_WALK_ANY, job);
+    else if (job->stats) rti_thread_body(accel, p, live, found, groups, RT_NONE, flags | RTI_WALK_COUNT, job);
+    else
+#endif
+    if (job->query == RT_ANY) rti_thread_body(accel, p, live, found, groups, RT_NONE, flags | RTI_WALK_ANY, job);
+    else rti_thread_body(accel, p, live, found, groups, RT_NONE, flags, job);
+}
+#endif
+
+#endif /* RTI_THREADED */
+
 /* Leaves out what this accel does not have. */
 RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
 {
@@ -6453,6 +7155,9 @@ RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, 
     if (!accel->node_count || !live) return 0;
 #if RTI_KDTREE
     if (accel->structure == RT_KDTREE) return rti_kd_walk(accel, p, live, inst, job);
+#endif
+#if RTI_THREADED
+    if (accel->structure == RT_THREADED) return rti_thread_walk(accel, p, live, inst, job);
 #endif
 #if RTI_STATS
     if (job->stats) return any ? rti_walk_any_count(accel, p, live, inst, job) : rti_walk_closest_count(accel, p, live, inst, job);
@@ -7418,6 +8123,33 @@ RTI_NOINLINE RTI_TARGET void rti_batch(const rt_accel *accel, const rti_job *job
     rti_batch_run(accel, job, rays, 0, count, hits);
 }
 
+#if RTI_WIDTH > 1 && RTI_THREADED
+/* RT_THREADED_PARALLEL: job->side rays at a time, 2 to 16. */
+RTI_NOINLINE RTI_TARGET void rti_batch_parallel(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
+{
+    const size_t side = (size_t)job->side;
+    size_t first;
+    for (first = 0; first < count; first += side) {
+        const int n = count - first < side ? (int)(count - first) : (int)side;
+        rti_packet p[RTI_GROUPS];
+        unsigned live[RTI_GROUPS], found[RTI_GROUPS];
+        int groups = 0, i;
+        for (i = 0; i < n; i += RTI_WIDTH, groups++) {
+            const int part = n - i < RTI_WIDTH ? n - i : RTI_WIDTH;
+            live[groups] = rti_prepare(accel, &p[groups], rti_take_rays(job, rays, first + (size_t)i, part, &p[groups]), false);
+            found[groups] = 0;
+#if RTI_STATS
+            if (job->stats) job->stats->rays += (uint64_t)rti_bit_count(live[groups]);
+#endif
+        }
+        if (groups == 1) found[0] = rti_walk(accel, &p[0], live[0], RT_NONE, job);
+        else if (accel->node_count) rti_thread_groups(accel, p, live, found, groups, job);
+        for (i = 0; i < groups; i++)
+            rti_give_hits(job, &p[i], found[i], hits, first + (size_t)(i * RTI_WIDTH), n - i * RTI_WIDTH < RTI_WIDTH ? n - i * RTI_WIDTH : RTI_WIDTH);
+    }
+}
+#endif
+
 #if RTI_WIDTH > 1
 /* A large packet is read in a burst, with long pauses, which processors do not foresee: what comes next is asked for meanwhile. */
 RTI_FN void rti_fetch(const rt_ray *rays, const rt_hit *hits)
@@ -8094,6 +8826,27 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, rt_vec3 ligh
 #undef rti_kd_stack_closest_all
 #undef rti_kd_stack_any_all
 #undef rti_kd_walk
+#undef rti_sweep
+#undef rti_make_sweep
+#undef rti_meet_sphere
+#undef rti_thread_state
+#undef rti_thread_start
+#undef rti_thread_enter
+#undef rti_thread_leave
+#undef rti_thread_body
+#undef rti_thread_closest
+#undef rti_thread_any
+#undef rti_thread_closest_all
+#undef rti_thread_any_all
+#undef rti_thread_closest_count
+#undef rti_thread_any_count
+#undef rti_thread_closest_round
+#undef rti_thread_any_round
+#undef rti_thread_aim
+#undef rti_thread_walk
+#undef rti_thread_groups
+#undef rti_batch_parallel
+#undef RTI_GROUPS
 #undef rti_vfma
 #undef rti_vquad
 #undef rti_vapart

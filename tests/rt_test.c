@@ -934,7 +934,8 @@ static void rtt_check_accel(const char *what, const rt_accel *accel, const rt_ge
         rt_get_info(geometry->instances[i].accel, &child);
         hollow += child.lower.x > child.upper.x;
     }
-    if (info.nodes != (info.leaves ? 2 * info.leaves - 1 : 0) || info.leaves < info.empty_leaves || info.max_leaf > prims || info.depth < 0
+    if ((info.structure == RT_THREADED ? info.nodes < info.leaves || info.nodes > 2 * info.leaves : info.nodes != (info.leaves ? 2 * info.leaves - 1 : 0))
+        || info.leaves < info.empty_leaves || info.max_leaf > prims || info.depth < 0
         || info.depth > RTI_MAX_DEPTH || !(info.sah >= 0) || (!kdtree && (info.empty_leaves || info.leaves > prims))
         || info.references < info.leaves - info.empty_leaves || info.references > (info.leaves - info.empty_leaves) * info.max_leaf
         || info.references + info.skipped + hollow < prims || (!kdtree && info.references > prims - info.skipped))
@@ -965,7 +966,10 @@ static const struct { rt_build_options options; bool parallel; size_t every; } r
     { { .structure = RT_KDTREE, .traversal_cost = 4, .empty_bonus = 0.9f }, false, 11 },
     { { .structure = RT_KDTREE, .empty_bonus = -1, .max_duplication = 1, .no_backtrack = true }, false, 11 },
     { { .structure = RT_THREADED }, false, 1 },
-    { { .structure = RT_THREADED, .quality = RT_BUILD_FAST, .reference = true }, true, 1 },
+    { { .structure = RT_THREADED, .bounds = RT_BOUNDS_SPHERES }, false, 1 },
+    { { .structure = RT_THREADED, .quality = RT_BUILD_FAST, .reference = true, .branching = 2, .orders = 1 }, true, 3 },
+    { { .structure = RT_THREADED, .bounds = RT_BOUNDS_SPHERES, .quality = RT_BUILD_HIGH, .branching = 7, .orders = 4, .throw_back = 1e-6f }, false, 3 },
+    { { .structure = RT_THREADED, .branching = 16, .orders = 2, .throw_back = -1 }, false, 3 },
 };
 
 /* The whole promise for one model and its rays: oracle, checksum, then every structure, way of building and way of tracing. */
