@@ -272,7 +272,7 @@ RT_API rt_status rt_refit_error(rt_accel *accel, const rt_geometry *geo, rt_erro
 
 typedef struct {
     rt_structure structure;
-    size_t triangles, spheres, instances;   /* as given; including skipped ones */
+    size_t triangles, spheres, instances, planes;       /* as given; including skipped ones */
     size_t skipped;                         /* primitives left out by skip_invalid */
     size_t nodes, leaves, max_leaf;         /* tree nodes in all, leaves among them, primitives in the fullest leaf */
     size_t empty_leaves;                    /* of a k-d tree */
@@ -281,7 +281,7 @@ typedef struct {
     int nesting;                            /* levels of instances below this accel */
     size_t bytes;                           /* held by this accel (not by accels it instances) */
     double sah;                             /* expected cost of a ray that hits the root box, in primitive tests; with the default costs */
-    rt_vec3 lower, upper;                   /* bounds; lower > upper when empty */
+    rt_vec3 lower, upper;                   /* bounds, but for infinite planes; lower > upper when empty */
 } rt_info;
 
 RT_API void rt_get_info(const rt_accel *accel, rt_info *info);
@@ -898,7 +898,7 @@ static int rti_ceil_log2(size_t n)
 
    Nodes stand in depth-first order: a child's index is above its parent's. */
 
-enum { RTI_TRIANGLE, RTI_SPHERE, RTI_INSTANCE, RTI_KINDS };
+enum { RTI_TRIANGLE, RTI_SPHERE, RTI_INSTANCE, RTI_KINDS, RTI_PLANE = RTI_KINDS + 1 };       /* planes are in no leaf */
 #define RTI_COUNT_MASK 0x0fffffffu
 #define RTI_KIND_SHIFT 28
 #define RTI_MAX_PRIMS ((size_t)RT_MAX_PRIMITIVES)   /* 2 n - 1 nodes fit in 32 bits */
@@ -938,9 +938,12 @@ typedef struct { float v[9]; uint32_t prim; } rti_triangle;
 typedef struct { float center[3], radius; uint32_t prim; } rti_ball;
 typedef struct {
     const rt_accel *accel;
-    float transform[12], inverse[12];       /* object to world, and back */
+    float transform[12], inverse[12];       /* object to world, and back, at time 0 */
     uint32_t prim, base;                    /* base: what a hit on accel's own primitives is called in hit.inst */
+    bool moves;                             /* then: */
+    rt_motion motion;
 } rti_instance;
+typedef struct { float point[3], normal[3], radius; uint32_t prim; } rti_ground;
 
 typedef char rti_check_ray[sizeof(rt_ray) == 32 ? 1 : -1];
 typedef char rti_check_hit[sizeof(rt_hit) == 20 ? 1 : -1];
@@ -975,13 +978,20 @@ struct rt_accel {
     size_t slots[RTI_KINDS];                /* primitives of each kind that are in the tree */
     rt_geometry geo;                        /* the counts; with opt->reference the caller's arrays too */
     size_t skipped;
+#if RTI_PLANES
+    rti_ground *planes;                     /* good ones, by number */
+    size_t plane_count;
+    bool endless;                           /* one of them is infinite */
+#endif
 #if RTI_INSTANCES
+    bool moves;                             /* an instance does, at any level below */
     rti_instance *instances;                /* in leaf order */
     uint32_t *instance_slots;               /* from instance number to slot, or RT_NONE */
     uint32_t *instance_bases;               /* instance number to base, ascending */
     uint32_t paths;                         /* how many values hit.inst can take below this accel */
 #endif
     float lower[3], upper[3];               /* of the root */
+    float outer_lower[3], outer_upper[3];   /* with discs */
     float extent, spread;                   /* see >>instance; both 0 without instances */
     int depth, nesting;
     size_t bytes;
@@ -1014,6 +1024,27 @@ RTI_INLINE size_t rti_instance_count(const rt_geometry *geo)
     (void)geo;
     return 0;
 #endif
+}
+RTI_INLINE size_t rti_plane_count(const rt_geometry *geo)
+{
+#if RTI_PLANES
+    return geo->plane_count;
+#else
+    (void)geo;
+    return 0;
+#endif
+}
+
+/* Primitives that a tree can hold: all but planes, whose numbers follow. */
+RTI_INLINE size_t rti_tree_count(const rt_geometry *geo) { return geo->triangle_count + rti_sphere_count(geo) + rti_instance_count(geo); }
+
+/* Can nothing be hit? */
+RTI_INLINE bool rti_is_empty(const rt_accel *accel)
+{
+#if RTI_PLANES
+    if (accel->plane_count) return false;
+#endif
+    return !accel->node_count;
 }
 
 RTI_INLINE int rti_kind_of(const rt_geometry *geo, size_t prim)
@@ -1078,16 +1109,116 @@ static double rti_stretch(const float m[12])
     return most;
 }
 
-/* World bounds of the instanced root box, rounded outwards. */
+/* Sine and cosine of at most RT_MAX_ANGLE radians, within 1e-15: of our own, since those of C libraries differ in their last bits. The angle
+   is brought to [-pi/4, pi/4] by quarters, pi/2 being taken off in two parts of which the first has few enough bits to be exact. */
+static void rti_sine_cosine(double angle, double *sine, double *cosine)
+{
+    const double quarters = floor(angle * 0.63661977236758134 + 0.5);
+    const double x = angle - rti_round(quarters * 1.5707963267341256) - rti_round(quarters * 6.0771005065061922e-11), y = rti_round(x * x);
+    const int quarter = (int)quarters & 3;
+    double s = -1.0 / 1307674368000.0, c = -1.0 / 87178291200.0;
+    s = rti_round(s * y) + 1.0 / 6227020800.0;
+    s = rti_round(s * y) - 1.0 / 39916800.0;
+    s = rti_round(s * y) + 1.0 / 362880.0;
+    s = rti_round(s * y) - 1.0 / 5040.0;
+    s = rti_round(s * y) + 1.0 / 120.0;
+    s = rti_round(s * y) - 1.0 / 6.0;
+    s = x + rti_round(x * rti_round(s * y));
+    c = rti_round(c * y) + 1.0 / 479001600.0;
+    c = rti_round(c * y) - 1.0 / 3628800.0;
+    c = rti_round(c * y) + 1.0 / 40320.0;
+    c = rti_round(c * y) - 1.0 / 720.0;
+    c = rti_round(c * y) + 1.0 / 24.0;
+    c = rti_round(c * y) - 0.5;
+    c = 1 + rti_round(c * y);
+    *sine = quarter == 0 ? s : quarter == 1 ? c : quarter == 2 ? -s : -c;
+    *cosine = quarter == 0 ? c : quarter == 1 ? -s : quarter == 2 ? -c : s;
+}
+
+/* The rotation of a motion at a time, row by row (Rodrigues). Every product is rounded by itself: the same bits from every compiler. */
+static void rti_turn(const rt_motion *motion, double time, double r[9])
+{
+    const double axis[3] = { (double)motion->axis.x, (double)motion->axis.y, (double)motion->axis.z };
+    double k[3], length, s, c, most = 0;
+    int i, j;
+    for (i = 0; i < 9; i++) r[i] = i % 4 == 0;
+    if (!(motion->angle != 0)) return;      /* the axis may be 0 */
+    rti_sine_cosine(rti_round((double)motion->angle * time), &s, &c);
+    for (i = 0; i < 3; i++) most = fabs(axis[i]) > most ? fabs(axis[i]) : most;
+    for (i = 0; i < 3; i++) k[i] = axis[i] / most;
+    length = rti_round(k[0] * k[0]) + rti_round(k[1] * k[1]);
+    length = sqrt(length + rti_round(k[2] * k[2]));
+    for (i = 0; i < 3; i++) k[i] /= length;
+    for (i = 0; i < 3; i++)
+        for (j = 0; j < 3; j++) {
+            const double both = rti_round(rti_round(k[i] * k[j]) * (1 - c));
+            const int other = 3 - i - j;
+            if (i == j) r[3 * i + j] = c + both;
+            else if ((i + 1) % 3 == j) r[3 * i + j] = both - rti_round(k[other] * s);
+            else r[3 * i + j] = both + rti_round(k[other] * s);
+        }
+}
+
+/* The time that counts: of [0,1]; of NaN 0. */
+RTI_INLINE float rti_clamp_time(float time) { return time > 0 ? time < 1 ? time : 1 : 0; }
+
+/* A ray as it is seen by what has not moved: turned and moved back, and rounded to floats once. */
+RTI_NOINLINE void rti_move_back(const rt_motion *motion, float time, float org[3], float dir[3])
+{
+    const double move[3] = { (double)motion->move.x, (double)motion->move.y, (double)motion->move.z };
+    const double pivot[3] = { (double)motion->pivot.x, (double)motion->pivot.y, (double)motion->pivot.z };
+    double r[9], o[3], d[3];
+    int i;
+    rti_turn(motion, (double)time, r);
+    for (i = 0; i < 3; i++) {
+        o[i] = (double)org[i] - rti_round(move[i] * (double)time) - pivot[i];
+        d[i] = (double)dir[i];
+    }
+    for (i = 0; i < 3; i++) {               /* by the transpose */
+        const double x = rti_round(r[i] * o[0]) + rti_round(r[3 + i] * o[1]), y = rti_round(r[i] * d[0]) + rti_round(r[3 + i] * d[1]);
+        org[i] = (float)(x + rti_round(r[6 + i] * o[2]) + pivot[i]);
+        dir[i] = (float)(y + rti_round(r[6 + i] * d[2]));
+    }
+}
+
+/* Where a motion carries the points p within part i of n of the time: adds that to lo and hi. Between its ends a point on a circle of radius r
+   that turns by a strays from the straight line by at most r a^2 / 8. */
+static void rti_sweep_part(const rt_motion *motion, double p[8][3], int part, int parts, double lo[3], double hi[3])
+{
+    const double step = (double)motion->angle / parts;
+    double r[9], at[3];
+    int end, i, k;
+    for (end = part; end <= part + 1; end++) {
+        const double time = (double)end / parts;
+        rti_turn(motion, time, r);
+        for (i = 0; i < 8; i++) {
+            double off[3], stray;
+            off[0] = p[i][0] - (double)motion->pivot.x;
+            off[1] = p[i][1] - (double)motion->pivot.y;
+            off[2] = p[i][2] - (double)motion->pivot.z;
+            stray = sqrt(off[0] * off[0] + off[1] * off[1] + off[2] * off[2]) * (step * step / 8 + 1e-14);
+            at[0] = r[0] * off[0] + r[1] * off[1] + r[2] * off[2] + (double)motion->pivot.x + (double)motion->move.x * time;
+            at[1] = r[3] * off[0] + r[4] * off[1] + r[5] * off[2] + (double)motion->pivot.y + (double)motion->move.y * time;
+            at[2] = r[6] * off[0] + r[7] * off[1] + r[8] * off[2] + (double)motion->pivot.z + (double)motion->move.z * time;
+            for (k = 0; k < 3; k++) {
+                const double slack = stray + 1e-15 * fabs(at[k]);
+                if (at[k] - slack < lo[k]) lo[k] = at[k] - slack;
+                if (at[k] + slack > hi[k]) hi[k] = at[k] + slack;
+            }
+        }
+    }
+}
+
+/* World bounds of what an instance shows, at all times, rounded outwards. */
 static rti_box rti_instance_box(const rt_instance *instance)
 {
+    const float *const m = instance->transform, *const lower = instance->accel->outer_lower, *const upper = instance->accel->outer_upper;
     rti_box box = rti_empty_box;
     int i, j;
     for (i = 0; i < 3; i++) {
-        double lo = (double)instance->transform[4 * i + 3], hi = lo, slack = fabs(lo);
+        double lo = (double)m[4 * i + 3], hi = lo, slack = fabs(lo);
         for (j = 0; j < 3; j++) {
-            double a = (double)instance->transform[4 * i + j] * (double)instance->accel->lower[j];
-            double b = (double)instance->transform[4 * i + j] * (double)instance->accel->upper[j];
+            double a = (double)m[4 * i + j] * (double)lower[j], b = (double)m[4 * i + j] * (double)upper[j];
             lo += a < b ? a : b;
             hi += a < b ? b : a;
             slack += fabs(a) + fabs(b);
@@ -1095,6 +1226,25 @@ static rti_box rti_instance_box(const rt_instance *instance)
         slack *= 1e-15;                     /* more than the double sums can have lost */
         box.lo[i] = rti_float_down(lo - slack);
         box.hi[i] = rti_float_up(hi + slack);
+    }
+    if (instance->motion) {                 /* the corners of the object, not of that box, which is larger */
+        const rt_motion *motion = instance->motion;
+        const int parts = 1 + (int)(fabsf(motion->angle) * 4);      /* of at most a quarter of a radian: 1 % of the circle too much */
+        double p[8][3], lo[3], hi[3];
+        for (i = 0; i < 3; i++) {
+            lo[i] = (double)box.lo[i];
+            hi[i] = (double)box.hi[i];
+        }
+        for (j = 0; j < 8; j++)
+            for (i = 0; i < 3; i++)
+                p[j][i] = (double)m[4 * i] * (double)(j & 1 ? upper : lower)[0] + (double)m[4 * i + 1] * (double)(j & 2 ? upper : lower)[1] +
+                          (double)m[4 * i + 2] * (double)(j & 4 ? upper : lower)[2] + (double)m[4 * i + 3];
+        for (j = 0; j < parts; j++) rti_sweep_part(motion, p, j, parts, lo, hi);
+        for (i = 0; i < 3; i++) {
+            const double slack = 4e-15 * (fabs(lo[i]) + fabs(hi[i]) + (double)fabsf(box.lo[i]) + (double)fabsf(box.hi[i]));
+            box.lo[i] = rti_float_down(lo[i] - slack);
+            box.hi[i] = rti_float_up(hi[i] + slack);
+        }
     }
     return box;
 }
@@ -1151,7 +1301,7 @@ static const char *rti_prim_box(const rt_geometry *geo, size_t prim, rti_box *bo
     prim -= geo->sphere_count;
 #endif
 #if RTI_INSTANCES
-    {
+    if (prim < geo->instance_count) {
         const rt_instance *instance = &geo->instances[prim];
         float inverse[12];
         *kind = RTI_INSTANCE;
@@ -1159,10 +1309,42 @@ static const char *rti_prim_box(const rt_geometry *geo, size_t prim, rti_box *bo
         for (k = 0; k < 12; k++)
             if (!rti_coordinate_ok(instance->transform[k])) return rti_out_of_range;
         if (!rti_invert(instance->transform, inverse)) return "has a transform that cannot be inverted";
-        if (!instance->accel->node_count) return NULL;
+        if (instance->motion) {
+            const rt_motion *m = instance->motion;
+            const float numbers[] = { m->move.x, m->move.y, m->move.z, m->pivot.x, m->pivot.y, m->pivot.z, m->axis.x, m->axis.y, m->axis.z };
+            for (k = 0; k < 9; k++)
+                if (!rti_coordinate_ok(numbers[k])) return "has a motion that is not finite or leaves +-RT_MAX_COORDINATE";
+            if (!(fabsf(m->angle) <= RT_MAX_ANGLE)) return "has a motion whose angle is not finite or above RT_MAX_ANGLE";
+            if (m->angle != 0 && m->axis.x == 0 && m->axis.y == 0 && m->axis.z == 0) return "has a motion that turns about no axis";
+        }
+        if (rti_is_empty(instance->accel)) return NULL;
+#if RTI_PLANES
+        if (instance->accel->endless) return "shows an accel with an infinite plane, which has no bounds";
+#endif
         *box = rti_instance_box(instance);
         for (k = 0; k < 3; k++)
             if (!rti_coordinate_ok(box->lo[k]) || !rti_coordinate_ok(box->hi[k])) return rti_out_of_range;
+        return NULL;
+    }
+    prim -= geo->instance_count;
+#endif
+#if RTI_PLANES
+    {
+        const rt_plane *plane = &geo->planes[prim];
+        const float point[3] = { plane->point.x, plane->point.y, plane->point.z };
+        const float normal[3] = { plane->normal.x, plane->normal.y, plane->normal.z };
+        *kind = RTI_PLANE;
+        for (k = 0; k < 3; k++) {
+            if (!rti_coordinate_ok(point[k])) return rti_out_of_range;
+            if (!(fabsf(normal[k]) <= FLT_MAX)) return "has a normal that is not finite";
+        }
+        if (normal[0] == 0 && normal[1] == 0 && normal[2] == 0) return "has no normal";
+        if (!(plane->radius >= 0 && plane->radius <= RT_MAX_COORDINATE)) return "has a radius that is negative, not finite or too large";
+        for (k = 0; k < 3 && plane->radius > 0; k++) {
+            box->lo[k] = rti_float_down((double)point[k] - (double)plane->radius);
+            box->hi[k] = rti_float_up((double)point[k] + (double)plane->radius);
+            if (!rti_coordinate_ok(box->lo[k]) || !rti_coordinate_ok(box->hi[k])) return rti_out_of_range;
+        }
     }
 #endif
     return NULL;
@@ -1170,11 +1352,12 @@ static const char *rti_prim_box(const rt_geometry *geo, size_t prim, rti_box *bo
 
 static rt_status rti_bad_prim(rt_error *error, const rt_geometry *geo, size_t prim)
 {
-    static const char *const names[] = { "triangle", "sphere", "instance" };
+    static const char *const names[] = { "triangle", "sphere", "instance", "", "plane" };
     rti_box box;
     int kind;
     const char *what = rti_prim_box(geo, prim, &box, &kind);
-    size_t number = prim - (kind > RTI_TRIANGLE ? geo->triangle_count : 0) - (kind > RTI_SPHERE ? rti_sphere_count(geo) : 0);
+    size_t number = prim - (kind > RTI_TRIANGLE ? geo->triangle_count : 0) - (kind > RTI_SPHERE ? rti_sphere_count(geo) : 0) -
+                    (kind > RTI_INSTANCE ? rti_instance_count(geo) : 0);
     return rti_fail(error, RT_ERROR_GEOMETRY, (uint32_t)prim, "%s %lu %s", names[kind], (unsigned long)number, what ? what : "");
 }
 
@@ -1198,7 +1381,12 @@ static rt_status rti_check_geometry(const rt_geometry *geo, rt_error *error)
         return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "instances is NULL but instance_count is %lu",
                         (unsigned long)geo->instance_count);
 #endif
+#if RTI_PLANES
+    if (geo->plane_count && !geo->planes)
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "planes is NULL but plane_count is %lu", (unsigned long)geo->plane_count);
+#endif
     total = geo->triangle_count;
+    if (total <= RTI_MAX_PRIMS) total += rti_plane_count(geo) <= RTI_MAX_PRIMS ? rti_plane_count(geo) : RTI_MAX_PRIMS + 1;
     if (total <= RTI_MAX_PRIMS) total += rti_sphere_count(geo) <= RTI_MAX_PRIMS ? rti_sphere_count(geo) : RTI_MAX_PRIMS + 1;
     if (total <= RTI_MAX_PRIMS) total += rti_instance_count(geo) <= RTI_MAX_PRIMS ? rti_instance_count(geo) : RTI_MAX_PRIMS + 1;
     if (total > RTI_MAX_PRIMS)
@@ -1362,7 +1550,7 @@ static void rti_gather_chunk(void *context, size_t chunk)
 /* Checks all primitives, in parallel, and makes a ref of each that is good and not empty: *refs, to be released also on failure. */
 static rt_status rti_gather_refs(rt_accel *accel, const rt_geometry *geo, const rt_build_options *opt, rti_ref **refs, size_t *count)
 {
-    size_t total = geo->triangle_count + rti_sphere_count(geo) + rti_instance_count(geo), chunks = rti_chunk_total(total), i, out = 0;
+    size_t total = rti_tree_count(geo), chunks = rti_chunk_total(total), i, out = 0;
     rti_gather gather;
     rt_status status = RT_OK;
     gather.geo = geo;
@@ -1830,25 +2018,101 @@ static void rti_fill_instance(rti_instance *i, const rt_geometry *geo)
     i->accel = from->accel;
     memcpy(i->transform, from->transform, sizeof i->transform);
     (void)rti_invert(i->transform, i->inverse);
+    i->moves = from->motion != NULL;
+    if (from->motion) i->motion = *from->motion;
+}
+#endif
+
+#if RTI_PLANES
+static void rti_fill_plane(rti_ground *plane, const rt_geometry *geo)
+{
+    const rt_plane *from = &geo->planes[plane->prim - rti_tree_count(geo)];
+    plane->point[0] = from->point.x;
+    plane->point[1] = from->point.y;
+    plane->point[2] = from->point.z;
+    plane->normal[0] = from->normal.x;
+    plane->normal[1] = from->normal.y;
+    plane->normal[2] = from->normal.z;
+    plane->radius = from->radius;
+}
+
+/* The good ones of geo; answers how many are bad. */
+static size_t rti_fill_planes(rt_accel *accel, const rt_geometry *geo)
+{
+    size_t i, bad = 0;
+    accel->plane_count = 0;
+    accel->endless = false;
+    for (i = 0; i < geo->plane_count; i++) {
+        rti_ground *to = &accel->planes[accel->plane_count];
+        const size_t prim = rti_tree_count(geo) + i;
+        rti_box box;
+        int kind;
+        if (rti_prim_box(geo, prim, &box, &kind)) {
+            bad++;
+            continue;
+        }
+        to->prim = (uint32_t)prim;
+        rti_fill_plane(to, geo);
+        if (!(to->radius > 0)) accel->endless = true;
+        accel->plane_count++;
+    }
+    return bad;
+}
+
+static rt_status rti_build_planes(rt_accel *accel, const rt_geometry *geo, bool skip_invalid, rt_error *error)
+{
+    size_t i;
+    if (!geo->plane_count) return RT_OK;
+    for (i = 0; i < geo->plane_count && !skip_invalid; i++) {
+        rti_box box;
+        int kind;
+        if (rti_prim_box(geo, rti_tree_count(geo) + i, &box, &kind)) return rti_bad_prim(error, geo, rti_tree_count(geo) + i);
+    }
+    accel->planes = (rti_ground *)rti_alloc(geo->plane_count, sizeof *accel->planes, accel->memory_user);
+    if (!accel->planes) return RT_ERROR_MEMORY;
+    accel->bytes += geo->plane_count * sizeof *accel->planes;
+    accel->skipped += rti_fill_planes(accel, geo);
+    return RT_OK;
 }
 #endif
 
 /* How far, beyond its own box, rounding can carry a hit inside an instance: a ray from o errs by at most 2^-24 spread (|o| + extent) in
    world space, see rti_prepare. Through one instance M the transformed origin and direction err by 2 units of 2^-24 each, stretched by C
    = |M| |M^-1|; the child's own error (16 units of |o'| + extent', plus its spread) comes back stretched too. The child's underflows, of
-   the order of 1e-37, are stretched as well: counting at least 1e-31 as its extent covers them (2^-24 * 40 C * 2e-31 > 1e-37). */
+   the order of 1e-37, are stretched as well: counting at least 1e-31 as its extent covers them (2^-24 * 40 C * 2e-31 > 1e-37). A motion
+   rounds once more, and its rotation stretches the largest coordinate by up to sqrt(3) each way, move and pivot counting as
+   coordinates: 4 C, and 8 of what is largest, cover it. */
 static void rti_set_reach(rt_accel *accel)
 {
     int k;
     accel->extent = accel->spread = 0;
     accel->nesting = 0;
-    for (k = 0; k < 3 && accel->node_count; k++) {
-        float m = fabsf(accel->lower[k]) > fabsf(accel->upper[k]) ? fabsf(accel->lower[k]) : fabsf(accel->upper[k]);
+    for (k = 0; k < 3; k++) {
+        accel->outer_lower[k] = accel->lower[k];
+        accel->outer_upper[k] = accel->upper[k];
+    }
+#if RTI_PLANES
+    {
+        size_t i;
+        for (i = 0; i < accel->plane_count; i++) {
+            const rti_ground *plane = &accel->planes[i];
+            for (k = 0; k < 3 && plane->radius > 0; k++) {
+                const float lo = rti_float_down((double)plane->point[k] - (double)plane->radius);
+                const float hi = rti_float_up((double)plane->point[k] + (double)plane->radius);
+                if (lo < accel->outer_lower[k]) accel->outer_lower[k] = lo;
+                if (hi > accel->outer_upper[k]) accel->outer_upper[k] = hi;
+            }
+        }
+    }
+#endif
+    for (k = 0; k < 3 && accel->outer_lower[k] <= accel->outer_upper[k]; k++) {
+        float m = fabsf(accel->outer_lower[k]) > fabsf(accel->outer_upper[k]) ? fabsf(accel->outer_lower[k]) : fabsf(accel->outer_upper[k]);
         if (m > accel->extent) accel->extent = m;
     }
 #if RTI_INSTANCES
     {
         size_t i;
+        accel->moves = false;
         for (i = 0; i < accel->slots[RTI_INSTANCE]; i++) {
             const rti_instance *in = &accel->instances[i];
             double stretch = rti_stretch(in->transform), c = stretch * rti_stretch(in->inverse);
@@ -1856,6 +2120,15 @@ static void rti_set_reach(rt_accel *accel)
             for (k = 0; k < 3; k++)
                 if (extent < fabs((double)in->transform[4 * k + 3])) extent = fabs((double)in->transform[4 * k + 3]);
             extent *= 2;                    /* stretch * child + |translation| */
+            if (in->moves) {
+                const rt_motion *m = &in->motion;
+                const float far[] = { m->move.x, m->move.y, m->move.z, m->pivot.x, m->pivot.y, m->pivot.z };
+                for (k = 0; k < 6; k++)
+                    if (extent < fabs((double)far[k])) extent = fabs((double)far[k]);
+                extent *= 8;
+                spread = 4 * (spread + 8 * c);
+            }
+            if (in->moves || in->accel->moves) accel->moves = true;
             if (extent > (double)accel->extent) accel->extent = rti_float_up(extent);
             if (spread > (double)accel->spread) accel->spread = spread < 1e30 ? rti_float_up(spread) : 1e30f;
             if (in->accel->nesting + 1 > accel->nesting) accel->nesting = in->accel->nesting + 1;
@@ -1882,6 +2155,9 @@ static void rti_free_accel(rt_accel *accel)
 #if RTI_SPHERES
     rti_release(accel->balls, user);
     rti_release(accel->ball_ids, user);
+#endif
+#if RTI_PLANES
+    rti_release(accel->planes, user);
 #endif
 #if RTI_INSTANCES
     rti_release(accel->instances, user);
@@ -3433,6 +3709,9 @@ static rt_status rti_build_tree_of(rt_accel *accel, const rt_geometry *geo, cons
     size_t count = 0;
     rt_status status = rti_gather_refs(accel, geo, opt, &refs, &count);
     rti_set_root(accel);
+#if RTI_PLANES
+    if (status == RT_OK) status = rti_build_planes(accel, geo, opt->skip_invalid, opt->error);
+#endif
     if (status == RT_OK && count) {
 #if RTI_KDTREE
         if (opt->structure == RT_KDTREE) status = rti_build_kdtree(accel, geo, opt, &refs, count);
@@ -3446,7 +3725,7 @@ static rt_status rti_build_tree_of(rt_accel *accel, const rt_geometry *geo, cons
 #endif
     if (status == RT_OK) rti_set_reach(accel);
     return status == RT_ERROR_MEMORY ? rti_fail(opt->error, status, RT_NONE, "out of memory for %lu primitives",
-                                                (unsigned long)(geo->triangle_count + rti_sphere_count(geo) + rti_instance_count(geo)))
+                                                (unsigned long)(rti_tree_count(geo) + rti_plane_count(geo)))
                                      : status;
 }
 
@@ -3477,8 +3756,11 @@ RT_API rt_status rt_build(rt_accel **out, const rt_geometry *geo, const rt_build
         accel->geo.spheres = NULL;
 #endif
     }
+#if RTI_PLANES
+    accel->geo.planes = NULL;               /* always copied */
+#endif
 #if RTI_INSTANCES
-    accel->geo.instances = NULL;            /* always copied */
+    accel->geo.instances = NULL;            /* likewise */
 #endif
     status = rti_number_instances(accel, geo, opt->error);
     if (status == RT_OK) status = rti_build_tree_of(accel, geo, opt);
@@ -3505,7 +3787,7 @@ RT_API rt_status rt_refit_error(rt_accel *accel, const rt_geometry *geo, rt_erro
         return rti_fail(error, RT_ERROR_UNSUPPORTED, RT_NONE, "a %s cannot be refitted: its planes cut primitives where they were; build "
                         "a new one", rti_structure_names[accel->structure]);
     if (geo->triangle_count != accel->geo.triangle_count || rti_sphere_count(geo) != rti_sphere_count(&accel->geo) ||
-        rti_instance_count(geo) != rti_instance_count(&accel->geo))
+        rti_instance_count(geo) != rti_instance_count(&accel->geo) || rti_plane_count(geo) != rti_plane_count(&accel->geo))
         return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "the counts differ from those accel was built from: build a new one");
 
     for (kind = 0; kind < RTI_KINDS; kind++)            /* look at everything before anything changes */
@@ -3515,6 +3797,13 @@ RT_API rt_status rt_refit_error(rt_accel *accel, const rt_geometry *geo, rt_erro
             int prim_kind;
             if (prim < bad && rti_prim_box(geo, prim, &box, &prim_kind)) bad = prim;
         }
+#if RTI_PLANES
+    for (i = 0; i < accel->plane_count; i++) {
+        rti_box box;
+        int prim_kind;
+        if (accel->planes[i].prim < bad && rti_prim_box(geo, accel->planes[i].prim, &box, &prim_kind)) bad = accel->planes[i].prim;
+    }
+#endif
     if (bad != SIZE_MAX) return rti_bad_prim(error, geo, bad);
 #if RTI_INSTANCES
     for (i = 0; i < accel->slots[RTI_INSTANCE]; i++) {
@@ -3522,9 +3811,9 @@ RT_API rt_status rt_refit_error(rt_accel *accel, const rt_geometry *geo, rt_erro
         size_t number = in->prim - geo->triangle_count - rti_sphere_count(geo);
         const rt_accel *child = geo->instances[number].accel;
         uint32_t paths = (number + 1 < geo->instance_count ? accel->instance_bases[number + 1] : accel->paths) - in->base - 1;
-        if (!child->node_count || child->paths != paths || child->nesting + 1 > RT_MAX_NESTING)
+        if (rti_is_empty(child) || child->paths != paths || child->nesting + 1 > RT_MAX_NESTING)        /* what holds accel has more paths */
             return rti_fail(error, RT_ERROR_ARGUMENT, in->prim,
-                            "instance %lu now shows an accel that is empty or nests otherwise: build a new one",
+                            "instance %lu now shows an accel that is empty, nests otherwise or holds the one it is in: build a new one",
                             (unsigned long)number);
     }
 #endif
@@ -3543,6 +3832,13 @@ RT_API rt_status rt_refit_error(rt_accel *accel, const rt_geometry *geo, rt_erro
 #endif
 #if RTI_INSTANCES
     for (i = 0; i < accel->slots[RTI_INSTANCE]; i++) rti_fill_instance(&accel->instances[i], geo);
+#endif
+#if RTI_PLANES
+    for (i = 0, accel->endless = false; i < accel->plane_count; i++) {
+        rti_ground *plane = &accel->planes[i];
+        rti_fill_plane(plane, geo);
+        if (!(plane->radius > 0)) accel->endless = true;
+    }
 #endif
 #if RTI_THREADED
     if (accel->structure == RT_THREADED) {
@@ -3615,17 +3911,18 @@ RT_API void rt_get_info(const rt_accel *accel, rt_info *info)
     info->triangles = accel->geo.triangle_count;
     info->spheres = rti_sphere_count(&accel->geo);
     info->instances = rti_instance_count(&accel->geo);
+    info->planes = rti_plane_count(&accel->geo);
     info->skipped = accel->skipped;
     info->nodes = accel->node_count;
     info->depth = accel->depth;
     info->nesting = accel->nesting;
     info->bytes = accel->bytes;
-    info->lower.x = accel->lower[0];
-    info->lower.y = accel->lower[1];
-    info->lower.z = accel->lower[2];
-    info->upper.x = accel->upper[0];
-    info->upper.y = accel->upper[1];
-    info->upper.z = accel->upper[2];
+    info->lower.x = accel->outer_lower[0];
+    info->lower.y = accel->outer_lower[1];
+    info->lower.z = accel->outer_lower[2];
+    info->upper.x = accel->outer_upper[0];
+    info->upper.y = accel->outer_upper[1];
+    info->upper.z = accel->outer_upper[2];
     for (i = 0; i < RTI_KINDS; i++) info->references += accel->slots[i];
 #if RTI_KDTREE
     if (accel->structure == RT_KDTREE) {
@@ -3681,24 +3978,39 @@ RT_API bool rt_instance_transform(const rt_accel *accel, uint32_t inst, float tr
     return rt_instance_transform_at(accel, inst, 0, transform, normal);
 }
 
+/* Moves what a transform places to where it is at a time. */
+static void rti_move(const rt_motion *motion, double time, double m[12])
+{
+    const double move[3] = { (double)motion->move.x, (double)motion->move.y, (double)motion->move.z };
+    const double pivot[3] = { (double)motion->pivot.x, (double)motion->pivot.y, (double)motion->pivot.z };
+    double r[9], turned[12];
+    int i, j;
+    rti_turn(motion, time, r);
+    for (i = 0; i < 3; i++) m[4 * i + 3] -= pivot[i];
+    for (i = 0; i < 3; i++)
+        for (j = 0; j < 4; j++)
+            turned[4 * i + j] = r[3 * i] * m[j] + r[3 * i + 1] * m[4 + j] + r[3 * i + 2] * m[8 + j] + (j == 3 ? pivot[i] + move[i] * time : 0);
+    memcpy(m, turned, sizeof turned);
+}
+
 RT_API bool rt_instance_transform_at(const rt_accel *accel, uint32_t inst, float time, float transform[12], float normal[9])
 {
     double m[12] = { 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0 };
     float f[12], inverse[12];
     int i, j;
-    (void)time;
     while (inst != RT_NONE) {               /* one level of the path a turn; outer * inner */
         const rti_instance *in;
-        double c[12];
+        double c[12], n[12];
         uint32_t slot;
         if (inst >= accel->paths) return false;
         slot = accel->instance_slots[rti_find_instance(accel, inst)];
         if (slot == RT_NONE) return false;
         in = &accel->instances[slot];
+        for (i = 0; i < 12; i++) n[i] = (double)in->transform[i];
+        if (in->moves) rti_move(&in->motion, (double)rti_clamp_time(time), n);
         for (i = 0; i < 3; i++)
             for (j = 0; j < 4; j++)
-                c[4 * i + j] = m[4 * i] * (double)in->transform[j] + m[4 * i + 1] * (double)in->transform[4 + j] +
-                               m[4 * i + 2] * (double)in->transform[8 + j] + (j == 3 ? m[4 * i + 3] : 0);
+                c[4 * i + j] = m[4 * i] * n[j] + m[4 * i + 1] * n[4 + j] + m[4 * i + 2] * n[8 + j] + (j == 3 ? m[4 * i + 3] : 0);
         memcpy(m, c, sizeof m);
         inst = inst - in->base - 1;         /* RT_NONE where the path ends here */
         accel = in->accel;
@@ -4630,6 +4942,9 @@ RT_API void rt_raster_free(rt_raster *r)
     rti_release(r->spans, user);
     rti_release(r->starts, user);
     rti_release(r->entries, user);
+#if RTI_PLANES
+    rti_release(r->accel.planes, user);
+#endif
 #if RTI_INSTANCES
     rti_release(r->accel.instances, user);
     rti_release(r->accel.instance_slots, user);
@@ -4675,8 +4990,10 @@ static rt_status rti_raster_make(rt_raster **out, const rt_geometry *geo, const 
     rt_raster *r;
     rti_sorter s;
     rt_status status;
+    size_t number;
     int k;
     *out = NULL;
+    (void)number;
     if (!camera) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "camera is NULL");
     if (width < 1 || height < 1 || width > RTI_MAX_SIDE || height > RTI_MAX_SIDE)
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "a picture of %d x %d: each must lie between 1 and %d", width, height,
@@ -4700,7 +5017,7 @@ static rt_status rti_raster_make(rt_raster **out, const rt_geometry *geo, const 
     r->lens = rti_make_lens(&r->view, width, height);
     r->info.bytes = sizeof *r;
     s.raster = r;
-    s.total = geo->triangle_count + rti_sphere_count(geo) + rti_instance_count(geo);
+    s.total = rti_tree_count(geo);
     for (k = 0; k < 2; k++) {
         s.least[k] = fixed ? 0.5f + (k ? opt->offset_y : opt->offset_x) : 0;
         s.most[k] = fixed ? s.least[k] : 1;
@@ -4710,6 +5027,18 @@ static rt_status rti_raster_make(rt_raster **out, const rt_geometry *geo, const 
     r->info.bytes += r->accel.bytes;
     if (status == RT_OK) {
         status = rti_raster_sort(&s, opt);
+#if RTI_PLANES
+        if (status == RT_OK) {
+            const size_t bytes = r->accel.bytes;
+            status = rti_build_planes(&r->accel, geo, opt->skip_invalid, opt->error);
+            r->info.skipped += r->accel.skipped;
+            r->info.bytes += r->accel.bytes - bytes;
+        }
+#endif
+#if RTI_INSTANCES
+        for (number = 0; number < rti_instance_count(geo) && status == RT_OK; number++)     /* bad ones are not filled */
+            if (geo->instances[number].accel && (geo->instances[number].motion || geo->instances[number].accel->moves)) r->accel.moves = true;
+#endif
         if (status == RT_ERROR_MEMORY)
             (void)rti_fail(opt->error, status, RT_NONE, "out of memory for %lu primitives", (unsigned long)s.total);
     }
@@ -4919,6 +5248,7 @@ static const rt_material rti_grey = {       /* of scenes without materials */
 RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *hit, rt_vec3 point, float *lanes, rt_vec3 *tint)
 {
     const rt_geometry *geo = scene->geometry;
+    uint32_t id = hit->prim;                /* in material_ids, where instances have no place */
     if (hit->prim < geo->triangle_count) {
         const size_t corner = 3 * (size_t)hit->prim, stride = geo->vertex_stride ? geo->vertex_stride / sizeof(float) : 3;
         const uint32_t *v = geo->indices ? geo->indices + corner : NULL;
@@ -4938,16 +5268,23 @@ RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *h
             *tint = rti_mul(*tint, rti_blend(hit, &scene->colors[v ? v[0] : corner], &scene->colors[v ? v[1] : corner + 1],
                                              &scene->colors[v ? v[2] : corner + 2]));
     }
+#if RTI_PLANES
+    else if (hit->prim >= rti_tree_count(geo)) {
+        const rt_vec3 normal = geo->planes[hit->prim - rti_tree_count(geo)].normal;
+        rti_put(lanes, RTI_GEOMETRIC, normal);
+        rti_put(lanes, RTI_NORMAL, normal);
+        id -= (uint32_t)rti_instance_count(geo);
+    }
+#endif
 #if RTI_SPHERES
     else {
         const rt_vec3 out = rti_sub(point, geo->spheres[hit->prim - geo->triangle_count].center);
         rti_put(lanes, RTI_GEOMETRIC, out);
         rti_put(lanes, RTI_NORMAL, out);
     }
-#else
-    (void)point;
 #endif
-    return scene->material_count ? &scene->materials[scene->material_ids ? scene->material_ids[hit->prim] : 0] : &rti_grey;
+    (void)point;
+    return scene->material_count ? &scene->materials[scene->material_ids ? scene->material_ids[id] : 0] : &rti_grey;
 }
 
 #if RTI_INSTANCES
@@ -5385,7 +5722,7 @@ RT_API rt_status rt_check_scene(const rt_scene *scene, rt_error *error)
         return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "%s is negative or not finite",
                         rti_are_amounts(scene->ambient) ? "background" : "ambient");
     solid = geo->triangle_count + rti_sphere_count(geo);
-    for (i = 0; scene->material_ids && scene->material_count && i < solid; i++)
+    for (i = 0; scene->material_ids && scene->material_count && i < solid + rti_plane_count(geo); i++)
         if (scene->material_ids[i] >= scene->material_count)
             return rti_fail(error, RT_ERROR_ARGUMENT, (uint32_t)i, "primitive %lu: material %lu of %lu", (unsigned long)i,
                             (unsigned long)scene->material_ids[i], (unsigned long)scene->material_count);
@@ -5569,6 +5906,8 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_kd_stack_closest_all RTI_NAME_(rti_kd_stack_closest_all)
 #define rti_kd_stack_any_all RTI_NAME_(rti_kd_stack_any_all)
 #define rti_kd_walk RTI_NAME_(rti_kd_walk)
+#define rti_walk_tree RTI_NAME_(rti_walk_tree)
+#define rti_hit_planes RTI_NAME_(rti_hit_planes)
 #define rti_sweep RTI_NAME_(rti_sweep)
 #define rti_make_sweep RTI_NAME_(rti_make_sweep)
 #define rti_meet_sphere RTI_NAME_(rti_meet_sphere)
@@ -5935,6 +6274,9 @@ typedef struct {
     unsigned live, found;                                   /* of large packets: lanes that still need hits, and that have one */
 #endif
     float org[3][RTI_WIDTH], dir[3][RTI_WIDTH];
+#if RTI_INSTANCES
+    float time[RTI_WIDTH];                                  /* where the accel moves */
+#endif
     float plane[2][3][RTI_WIDTH];                           /* rti_vorigin of org: padded, for lower and upper planes; in
                                                                large packets not padded, and the first alone */
     float pad[RTI_WIDTH];                                   /* how far planes are moved out */
@@ -6280,12 +6622,14 @@ RTI_FN unsigned rti_hit_triangles(const rt_accel *accel, rti_packet *p, unsigned
     return found;
 }
 
-#if RTI_SPHERES
+#if RTI_SPHERES || RTI_PLANES
 RTI_FN rti_d rti_dot_exact(const rti_d a[3], const rti_d b[3])
 {
     return rti_dadd(rti_dadd(rti_product(a[0], b[0]), rti_product(a[1], b[1])), rti_product(a[2], b[2]));
 }
 
+#endif
+#if RTI_SPHERES
 /* [Haines], in double: the discriminant from the vector between the centre and the ray's nearest point, and the roots without a
    difference of near numbers: a ray that starts on the sphere gets exactly 0. A disc above 0 is a difference of near numbers, so at
    least 2^-54 r^2: then root is large enough to keep c / q good to 2^-24 r, which the padding of the boxes covers. Where disc is 0 both
@@ -6335,6 +6679,42 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_spheres(const rt_accel *accel, rti_pack
 }
 #endif
 
+#if RTI_PLANES
+/* Ground outside of the tree ([Lohr] 4). In double, where no product of floats leaves the range; a ray along a plane gets an infinity or no
+   number, which count as no hit. */
+RTI_NOINLINE RTI_TARGET unsigned rti_hit_planes(const rt_accel *accel, rti_packet *p, unsigned lanes, uint32_t inst, const rti_job *job)
+{
+    const int flags = job->query == RT_ANY ? RTI_WALK_ANY : 0;
+    unsigned found = 0;
+    size_t i;
+#if RTI_STATS
+    if (job->stats) job->stats->prims += (uint64_t)accel->plane_count * (uint64_t)rti_bit_count(lanes);
+#endif
+    for (i = 0; i < accel->plane_count && lanes; i++) {
+        const rti_ground *plane = &accel->planes[i];
+        rti_d to[3], dir[3], normal[3], t;
+        unsigned hit = lanes;
+        int k;
+        for (k = 0; k < 3; k++) {
+            to[k] = rti_dsub(rti_dset((double)plane->point[k]), rti_widen(rti_vload(p->org[k])));
+            dir[k] = rti_widen(rti_vload(p->dir[k]));
+            normal[k] = rti_dset((double)plane->normal[k]);
+        }
+        t = rti_ddiv(rti_dot_exact(normal, to), rti_dot_exact(normal, dir));
+        if (plane->radius > 0) {
+            const rti_d radius = rti_dset((double)plane->radius);
+            rti_d off[3];
+            for (k = 0; k < 3; k++) off[k] = rti_dsub(rti_product(t, dir[k]), to[k]);
+            hit &= ~rti_dlt(rti_product(radius, radius), rti_dot_exact(off, off));
+        }
+        hit = hit ? rti_accept(p, hit, rti_narrow(t), rti_vset(0), rti_vset(0), plane->prim, inst, flags) : 0;
+        found |= hit;
+        if (flags & RTI_WALK_ANY) lanes &= ~hit;
+    }
+    return found;
+}
+#endif
+
 #if RTI_INSTANCES
 RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job);
 
@@ -6349,6 +6729,8 @@ RTI_NOINLINE RTI_TARGET unsigned rti_enter_instance(const rti_instance *in, cons
             org[k] = p->org[k][i];
             dir[k] = p->dir[k][i];
         }
+        if (in->moves) rti_move_back(&in->motion, p->time[i], org, dir);
+        if (in->accel->moves) inner->time[i] = p->time[i];
         rti_transform_ray(in->inverse, org, dir, to_org, to_dir);
         for (k = 0; k < 3; k++) {
             inner->org[k][i] = to_org[k];
@@ -6933,12 +7315,17 @@ typedef struct {
     unsigned live[RTI_GROUPS];
 } rti_thread_state;
 
-/* To the first node of accel. */
+/* To the first node of accel, in the order that suits the first ray, live or not: the walk comes back to where it was in that order, when other
+   rays may have ended. */
 RTI_FN void rti_thread_start(rti_thread_state *s, const rt_accel *accel, uint32_t inst, rti_packet *p)
 {
     uint32_t order = 0;
     int i;
-    for (i = 0; 1 << i < accel->orders; i++) order |= (uint32_t)p->side[accel->order_axes[i]] << i;
+    for (i = 0; 1 << i < accel->orders; i++) {
+        uint32_t bits;
+        memcpy(&bits, &p->dir[accel->order_axes[i]][0], sizeof bits);
+        order |= (bits >> 31) << i;
+    }
     s->accel = accel;
     s->nodes = accel->nodes;
     s->links = accel->links + (size_t)order * accel->node_count;
@@ -6953,23 +7340,23 @@ RTI_FN void rti_thread_aim(const rti_thread_state *s, rti_slabs *slabs, rti_swee
     int g;
     RTI_UNROLL
     for (g = 0; g < groups; g++) {
+        if (groups > 1 && !s->live[g])      /* not prepared, since no ray goes along: only the indices must be sound */
+            s->p[g].side[0] = s->p[g].side[1] = s->p[g].side[2] = 0;
         if (flags & (RTI_WALK_ROUND | RTI_WALK_EITHER)) sweeps[g] = rti_make_sweep(&s->p[g]);
         if (!(flags & RTI_WALK_ROUND)) slabs[g] = rti_make_slabs(&s->p[g]);
     }
 }
 
 #if RTI_INSTANCES
-/* Enters the instance in a slot with the rays of hit, which become inner; false: nothing is there for any of them. */
-RTI_NOINLINE RTI_TARGET bool rti_thread_enter(rti_thread_state *s, uint32_t slot, const unsigned *hit, rti_packet *inner, int groups)
+/* Enters the instance in a slot with the rays of hit, which become inner. Where none is legal there, it is left at once. */
+RTI_NOINLINE RTI_TARGET void rti_thread_enter(rti_thread_state *s, uint32_t slot, const unsigned *hit, rti_packet *inner, int groups)
 {
     const rti_instance *in = &s->accel->instances[slot];
-    unsigned live[RTI_GROUPS], all = 0;
+    unsigned all = 0;
     int g;
-    for (g = 0; g < groups; g++) all |= live[g] = rti_enter_instance(in, &s->p[g], hit[g], &inner[g], false);
-    if (!all) return false;
-    for (g = 0; g < groups; g++) s->live[g] = live[g];
+    for (g = 0; g < groups; g++) all |= s->live[g] = rti_enter_instance(in, &s->p[g], hit[g], &inner[g], false);
     rti_thread_start(s, in->accel, s->inst + 1 + in->base, inner);
-    return true;
+    if (!all) s->at = RTI_END;
 }
 
 /* Leaves the instance that the rays, inner, are in: they were outer in root, whose own hits are called inst. Answers the slot of that instance. */
@@ -6980,7 +7367,7 @@ RTI_NOINLINE RTI_TARGET uint32_t rti_thread_leave(rti_thread_state *s, const rt_
     uint32_t path = s->inst - inst - 1, slot;
     int g;
     for (g = 0; g < groups; g++) {
-        rti_leave_instance(&outer[g], &inner[g], s->live[g]);
+        rti_leave_instance(&outer[g], &inner[g], live[g]);      /* all: those that are not in this instance may have hits further out */
         s->live[g] = live[g];
     }
     for (;;) {
@@ -7015,6 +7402,7 @@ RTI_FN void rti_thread_body(const rt_accel *root, rti_packet *p, const unsigned 
     int g;
     (void)job;
     for (g = 0; g < groups; g++) left |= s.live[g] = live[g];
+    if (!left) return;
     rti_thread_start(&s, root, inst, p);
     if (flags & RTI_WALK_EITHER) {          /* of a number of groups that compilers do not know: else they warn */
         memset(slabs, 0, sizeof slabs);
@@ -7069,8 +7457,17 @@ RTI_FN void rti_thread_body(const rt_accel *root, rti_packet *p, const unsigned 
             for (; from < end && !moved; from++) {
                 const rt_accel *child = s.accel->instances[from].accel;
                 for (g = 0; g < groups; g++) RTI_TALLY(job->stats, flags, prims, rti_bit_count(hit[g]));
-                if (child->structure == RT_THREADED && child->bounds == root->bounds) moved = rti_thread_enter(&s, from, hit, inner, groups);
-                else
+                if (child->structure == RT_THREADED && child->bounds == root->bounds && child->node_count) {
+                    rti_thread_enter(&s, from, hit, inner, groups);
+                    moved = true;
+#if RTI_PLANES
+                    for (g = 0; g < groups && child->plane_count; g++) {
+                        const unsigned new_hits = rti_hit_planes(child, &s.p[g], s.live[g], s.inst, job);
+                        found[g] |= new_hits;
+                        if (flags & RTI_WALK_ANY) s.live[g] &= ~new_hits;
+                    }
+#endif
+                } else
                     for (g = 0; g < groups; g++) {
                         const unsigned new_hits = rti_hit_instances(s.accel, &s.p[g], hit[g], NULL, from, 1, s.inst, job);
                         found[g] |= new_hits;
@@ -7149,7 +7546,7 @@ RTI_NOINLINE RTI_TARGET void rti_thread_groups(const rt_accel *accel, rti_packet
 #endif /* RTI_THREADED */
 
 /* Leaves out what this accel does not have. */
-RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
+RTI_FN unsigned rti_walk_tree(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
 {
     const bool any = job->query == RT_ANY;
     if (!accel->node_count || !live) return 0;
@@ -7167,6 +7564,17 @@ RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, 
         return any ? rti_walk_any_all(accel, p, live, inst, job) : rti_walk_closest_all(accel, p, live, inst, job);
 #endif
     return any ? rti_walk_any(accel, p, live, inst, job) : rti_walk_closest(accel, p, live, inst, job);
+}
+
+RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
+{
+#if RTI_PLANES
+    if (RTI_UNLIKELY(accel->plane_count && live)) {         /* first: what is behind them need not be looked at */
+        const unsigned found = rti_hit_planes(accel, p, live, inst, job);
+        return found | rti_walk_tree(accel, p, job->query == RT_ANY ? live & ~found : live, inst, job);
+    }
+#endif
+    return rti_walk_tree(accel, p, live, inst, job);
 }
 
 /* ---- >>large -------------------------------------------------------------------------------------------------------- */
@@ -7757,7 +8165,7 @@ RTI_NOINLINE RTI_TARGET void rti_large_instances(const rt_accel *accel, rti_larg
                 q->found = 0;
                 if (q->live) from[inner.count++] = list[i];
             }
-            if (!inner.count || !in->accel->node_count) continue;
+            if (!inner.count) continue;
             if (in->accel->structure == RT_BVH) rti_large_walk(in->accel, &inner, base, job);
             else
                 for (j = 0; j < inner.count; j++) packets[j].found = rti_walk(in->accel, &packets[j], packets[j].live, base, job);
@@ -7981,6 +8389,11 @@ RTI_NOINLINE RTI_TARGET void rti_large_walk(const rt_accel *accel, rti_large *g,
 {
     int i;
     if (!g->shared && !rti_close_lanes(g)) return;
+#if RTI_PLANES
+    for (i = 0; i < g->count && accel->plane_count; i++)
+        if (g->rays[i].live) rti_note(g, &g->rays[i], rti_hit_planes(accel, &g->rays[i], g->rays[i].live, inst, job), job->query == RT_ANY);
+#endif
+    if (!accel->node_count) return;
     rti_make_frustum(accel, g, job->cull);
     for (i = 0; i < g->count; i++) g->order[i] = (unsigned char)i;
 #if RTI_STATS
@@ -8008,9 +8421,17 @@ RTI_FN rti_v rti_take_lanes(const float *from, size_t first, int n)
 }
 
 /* Fills p from n of a call's rays, at most RTI_WIDTH, from first on; answers their lanes. Missing rays repeat the last and are not traced. */
-RTI_FN unsigned rti_take_rays(const rti_job *job, const rt_ray *rays, size_t first, int n, rti_packet *p)
+RTI_FN unsigned rti_take_rays(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t first, int n, rti_packet *p)
 {
     const rt_ray_arrays *from = job->from;
+#if RTI_INSTANCES
+    if (RTI_UNLIKELY(accel->moves)) {
+        int i;
+        for (i = 0; i < RTI_WIDTH; i++) p->time[i] = job->times ? rti_clamp_time(job->times[first + (size_t)(i < n ? i : n - 1)]) : 0;
+    }
+#else
+    (void)accel;
+#endif
     if (from) {
         int k;
         RTI_UNROLL
@@ -8110,7 +8531,7 @@ RTI_FN void rti_batch_run(const rt_accel *accel, const rti_job *job, const rt_ra
     for (; first < last; first += RTI_WIDTH) {
         const int n = last - first < RTI_WIDTH ? (int)(last - first) : RTI_WIDTH;
         rti_packet p;
-        const unsigned live = rti_prepare(accel, &p, rti_take_rays(job, rays, first, n, &p), false);
+        const unsigned live = rti_prepare(accel, &p, rti_take_rays(accel, job, rays, first, n, &p), false);
 #if RTI_STATS
         if (job->stats) job->stats->rays += (uint64_t)rti_bit_count(live);
 #endif
@@ -8136,14 +8557,23 @@ RTI_NOINLINE RTI_TARGET void rti_batch_parallel(const rt_accel *accel, const rti
         int groups = 0, i;
         for (i = 0; i < n; i += RTI_WIDTH, groups++) {
             const int part = n - i < RTI_WIDTH ? n - i : RTI_WIDTH;
-            live[groups] = rti_prepare(accel, &p[groups], rti_take_rays(job, rays, first + (size_t)i, part, &p[groups]), false);
+            live[groups] = rti_prepare(accel, &p[groups], rti_take_rays(accel, job, rays, first + (size_t)i, part, &p[groups]), false);
             found[groups] = 0;
 #if RTI_STATS
             if (job->stats) job->stats->rays += (uint64_t)rti_bit_count(live[groups]);
 #endif
         }
-        if (groups == 1) found[0] = rti_walk(accel, &p[0], live[0], RT_NONE, job);
-        else if (accel->node_count) rti_thread_groups(accel, p, live, found, groups, job);
+        if (groups == 1 || !accel->node_count)
+            for (i = 0; i < groups; i++) found[i] = rti_walk(accel, &p[i], live[i], RT_NONE, job);
+        else {
+#if RTI_PLANES
+            for (i = 0; i < groups && accel->plane_count; i++) {
+                found[i] = rti_hit_planes(accel, &p[i], live[i], RT_NONE, job);
+                if (job->query == RT_ANY) live[i] &= ~found[i];
+            }
+#endif
+            rti_thread_groups(accel, p, live, found, groups, job);
+        }
         for (i = 0; i < groups; i++)
             rti_give_hits(job, &p[i], found[i], hits, first + (size_t)(i * RTI_WIDTH), n - i * RTI_WIDTH < RTI_WIDTH ? n - i * RTI_WIDTH : RTI_WIDTH);
     }
@@ -8173,16 +8603,16 @@ RTI_FN void rti_batch_packets(const rt_accel *accel, const rti_job *job, const r
         int i;
         for (i = g.count = 0; i < n; i += RTI_WIDTH, g.count++) {
             rti_packet *p = &packets[g.count];
-            p->live = rti_take_rays(job, rays, first + (size_t)i, n - i < RTI_WIDTH ? n - i : RTI_WIDTH, p);
+            p->live = rti_take_rays(accel, job, rays, first + (size_t)i, n - i < RTI_WIDTH ? n - i : RTI_WIDTH, p);
             p->found = 0;
         }
         g.open = g.count;
-        g.shared = n % RTI_WIDTH == 0 && rti_prepare_shared(accel, &g);
+        g.shared = n % RTI_WIDTH == 0 && accel->node_count && rti_prepare_shared(accel, &g);
         for (i = 0; i < g.count && !g.shared; i++) packets[i].live = rti_prepare(accel, &packets[i], packets[i].live, true);
 #if RTI_STATS
         for (i = 0; i < g.count && job->stats; i++) job->stats->rays += (uint64_t)rti_bit_count(packets[i].live);
 #endif
-        if (accel->node_count) rti_large_walk(accel, &g, RT_NONE, job);
+        if (!rti_is_empty(accel)) rti_large_walk(accel, &g, RT_NONE, job);
         for (i = g.count = 0; i < n; i += RTI_WIDTH, g.count++) {
             const size_t at = first + (size_t)i;
             if (at + 3 * size < count && !job->from) rti_fetch(rays + at + 2 * size, hits + at + size);
@@ -8544,6 +8974,12 @@ RTI_NOINLINE RTI_TARGET void rti_cover(const rt_raster *r, const rti_block *b)
         rti_load_rays(b->rays + k * RTI_WIDTH, &c.packets[k]);
         rti_no_hits(&c.packets[k]);
         c.live[k] = rti_prepare(&r->accel, &c.packets[k], lanes, false);
+#if RTI_INSTANCES
+        if (r->accel.moves) memset(c.packets[k].time, 0, sizeof c.packets[k].time);
+#endif
+#if RTI_PLANES
+        if (r->accel.plane_count) c.found[k] = rti_hit_planes(&r->accel, &c.packets[k], c.live[k], RT_NONE, &rti_plain_jobs[RT_CLOSEST]);
+#endif
         for (i = 0; i < RTI_WIDTH; i++)
             if (!(c.live[k] >> i & 1)) c.packets[k].t[i] = -RTI_INFINITY;
         c.last[k] = rti_last_t(&c.packets[k]);
@@ -8826,6 +9262,8 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, rt_vec3 ligh
 #undef rti_kd_stack_closest_all
 #undef rti_kd_stack_any_all
 #undef rti_kd_walk
+#undef rti_walk_tree
+#undef rti_hit_planes
 #undef rti_sweep
 #undef rti_make_sweep
 #undef rti_meet_sphere

@@ -279,6 +279,7 @@ typedef struct rtt_model {
     uint32_t *indices;     size_t triangle_count;
     rt_sphere *spheres;    size_t sphere_count;
     rt_instance *instances; const struct rtt_model **children; size_t instance_count;
+    rt_plane *planes;      size_t plane_count;
     rt_accel *accel;                        /* where it is a child of others */
     rt_structure structure;                 /* of accel */
     bool skip_invalid;
@@ -297,6 +298,8 @@ static rt_geometry rtt_geometry(const rtt_model *model)
     geometry.sphere_count = model->sphere_count;
     geometry.instances = model->instances;
     geometry.instance_count = model->instance_count;
+    geometry.planes = model->planes;
+    geometry.plane_count = model->plane_count;
     return geometry;
 }
 
@@ -306,6 +309,9 @@ static void rtt_model_free(rtt_model *model)
     free(model->vertices);
     free(model->indices);
     free(model->spheres);
+    for (size_t i = 0; i < model->instance_count; i++)
+        free((void *)model->instances[i].motion);
+    free(model->planes);
     free(model->instances);
     free(model->children);
     memset(model, 0, sizeof *model);
@@ -369,7 +375,26 @@ static void rtt_instance(rtt_model *model, rtt_model *child, const float transfo
     model->children = (const rtt_model **)rtt_grow((void *)model->children, model->instance_count, sizeof *model->children);
     model->instances[model->instance_count].accel = child->accel;
     memcpy(model->instances[model->instance_count].transform, transform, 12 * sizeof(float));
+    model->instances[model->instance_count].motion = NULL;
     model->children[model->instance_count++] = child;
+}
+
+/* Moves the last instance. */
+static void rtt_set_motion(rtt_model *model, rt_vec3 move, rt_vec3 pivot, rt_vec3 axis, float angle)
+{
+    rt_motion *motion = (rt_motion *)rtt_array(1, sizeof *motion);
+
+    motion->move = move, motion->pivot = pivot, motion->axis = axis, motion->angle = angle;
+    free((void *)model->instances[model->instance_count - 1].motion);
+    model->instances[model->instance_count - 1].motion = motion;
+}
+
+static void rtt_ground(rtt_model *model, rt_vec3 point, rt_vec3 normal, float radius)
+{
+    model->planes = (rt_plane *)rtt_grow(model->planes, model->plane_count, sizeof(rt_plane));
+    model->planes[model->plane_count].point = point;
+    model->planes[model->plane_count].normal = normal;
+    model->planes[model->plane_count++].radius = radius;
 }
 
 /* The diagonal transform with a translation. */
@@ -498,6 +523,90 @@ static bool rtt_meet_sphere(const rt_ray *ray, const rt_sphere *sphere, rt_hit *
     return true;
 }
 
+static bool rtt_meet_plane(const rt_ray *ray, const rt_plane *plane, rt_hit *hit)
+{
+    double dir[3] = { (double)ray->dir.x, (double)ray->dir.y, (double)ray->dir.z }, to[3], off[3], t;
+    double normal[3] = { (double)plane->normal.x, (double)plane->normal.y, (double)plane->normal.z };
+
+    to[0] = rtt_d((double)plane->point.x - (double)ray->org.x);
+    to[1] = rtt_d((double)plane->point.y - (double)ray->org.y);
+    to[2] = rtt_d((double)plane->point.z - (double)ray->org.z);
+    t = rtt_d(rtt_dot(normal, to) / rtt_dot(normal, dir));
+    if (!isfinite(t))
+        return false;
+    for (int i = 0; i < 3; i++)
+        off[i] = rtt_d(rtt_d(t * dir[i]) - to[i]);
+    if (plane->radius > 0 && rtt_dot(off, off) > rtt_d((double)plane->radius * (double)plane->radius))
+        return false;
+    hit->t = (float)t;
+    hit->u = hit->v = 0;
+    return true;
+}
+
+/* The ray before a motion, by what rt.h says of it: its own polynomials, all in double, each operation rounded by itself. */
+static rt_ray rtt_before_motion(const rt_motion *motion, float time, const rt_ray *ray)
+{
+    static const double sine[] = { 1, -1.0 / 6, 1.0 / 120, -1.0 / 5040, 1.0 / 362880, -1.0 / 39916800, 1.0 / 6227020800.0, -1.0 / 1307674368000.0 };
+    static const double cosine[] = { 1, -0.5, 1.0 / 24, -1.0 / 720, 1.0 / 40320, -1.0 / 3628800, 1.0 / 479001600.0, -1.0 / 87178291200.0 };
+    const double axis[3] = { (double)motion->axis.x, (double)motion->axis.y, (double)motion->axis.z };
+    const double pivot[3] = { (double)motion->pivot.x, (double)motion->pivot.y, (double)motion->pivot.z };
+    const double move[3] = { (double)motion->move.x, (double)motion->move.y, (double)motion->move.z };
+    const double org[3] = { (double)ray->org.x, (double)ray->org.y, (double)ray->org.z };
+    double r[3][3] = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } }, k[3], off[3], dir[3] = { (double)ray->dir.x, (double)ray->dir.y, (double)ray->dir.z };
+    float o[3], d[3];
+    rt_ray out = *ray;
+
+    if (motion->angle != 0) {
+        double angle = rtt_d((double)motion->angle * (double)time), quarters = floor(rtt_d(angle * 0.63661977236758134) + 0.5), x, y, s, c, most = 0;
+        double length;
+        int quarter = (int)quarters & 3;
+
+        x = rtt_d(rtt_d(angle - rtt_d(quarters * 1.5707963267341256)) - rtt_d(quarters * 6.0771005065061922e-11));
+        y = rtt_d(x * x);
+        s = sine[7], c = cosine[7];
+        for (int i = 6; i > 0; i--) {
+            s = rtt_d(rtt_d(s * y) + sine[i]);
+            c = rtt_d(rtt_d(c * y) + cosine[i]);
+        }
+        s = rtt_d(x + rtt_d(x * rtt_d(s * y)));
+        c = rtt_d(1 + rtt_d(c * y));
+        if (quarter & 1) {
+            y = s;
+            s = c;
+            c = -y;
+        }
+        if (quarter & 2)
+            s = -s, c = -c;
+        for (int i = 0; i < 3; i++)
+            most = fmax(most, fabs(axis[i]));
+        for (int i = 0; i < 3; i++)
+            k[i] = rtt_d(axis[i] / most);
+        length = rtt_d(sqrt(rtt_dot(k, k)));
+        for (int i = 0; i < 3; i++)
+            k[i] = rtt_d(k[i] / length);
+        for (int i = 0; i < 3; i++)
+            for (int j = 0; j < 3; j++) {
+                double part = rtt_d(rtt_d(k[i] * k[j]) * rtt_d(1 - c));
+
+                if (i == j)
+                    r[i][j] = rtt_d(c + part);
+                else
+                    r[i][j] = j == (i + 1) % 3 ? rtt_d(part - rtt_d(k[3 - i - j] * s)) : rtt_d(part + rtt_d(k[3 - i - j] * s));
+            }
+    }
+    for (int i = 0; i < 3; i++)
+        off[i] = rtt_d(rtt_d(org[i] - rtt_d(move[i] * (double)time)) - pivot[i]);
+    for (int i = 0; i < 3; i++) {
+        double column[3] = { r[0][i], r[1][i], r[2][i] };
+
+        o[i] = (float)rtt_d(rtt_dot(column, off) + pivot[i]);
+        d[i] = (float)rtt_dot(column, dir);
+    }
+    memcpy(&out.org, o, sizeof o);
+    memcpy(&out.dir, d, sizeof d);
+    return out;
+}
+
 /* The inverse of a 3x4 transform; false where it has none. */
 static bool rtt_invert(const float m[12], float inverse[12])
 {
@@ -575,7 +684,9 @@ static bool rtt_bad(const rtt_model *model, size_t prim)
         return !rtt_in_range(&sphere->center.x, 3) || !(sphere->radius >= 0) || !(sphere->radius <= RT_MAX_COORDINATE);
     }
     prim -= model->sphere_count;
-    return !rtt_invert(model->instances[prim].transform, inverse);
+    if (prim < model->instance_count)
+        return !rtt_invert(model->instances[prim].transform, inverse);
+    return !rtt_in_range(&model->planes[prim - model->instance_count].point.x, 3);
 }
 
 static void rtt_offer(rt_hit *best, const rt_ray *ray, rt_hit *hit, size_t prim, uint32_t inst)
@@ -589,7 +700,7 @@ static void rtt_offer(rt_hit *best, const rt_ray *ray, rt_hit *hit, size_t prim,
 }
 
 /* Puts the closer of *best and what ray hits into *best. inst: the path that led here; first: the number of the first path below. */
-static void rtt_search(const rtt_model *model, const rt_ray *ray, uint32_t inst, uint32_t first, rt_hit *best)
+static void rtt_search(const rtt_model *model, const rt_ray *ray, float time, uint32_t inst, uint32_t first, rt_hit *best)
 {
     rtt_shear shear;
     rt_hit hit;
@@ -614,11 +725,20 @@ static void rtt_search(const rtt_model *model, const rt_ray *ray, uint32_t inst,
         float inverse[12];
 
         if (rtt_invert(model->instances[i].transform, inverse)) {
-            rt_ray object = rtt_to_object(inverse, ray);
+            rt_ray object = *ray;
 
-            rtt_search(model->children[i], &object, first, first + 1, best);
+            if (model->instances[i].motion)
+                object = rtt_before_motion(model->instances[i].motion, time, ray);
+            object = rtt_to_object(inverse, &object);
+            rtt_search(model->children[i], &object, time, first, first + 1, best);
         }
         first += 1 + rtt_paths(model->children[i]);
+    }
+    for (size_t i = 0; i < model->plane_count; i++) {
+        size_t prim = model->triangle_count + model->sphere_count + model->instance_count + i;
+
+        if (!(model->skip_invalid && rtt_bad(model, prim)) && rtt_meet_plane(ray, &model->planes[i], &hit))
+            rtt_offer(best, ray, &hit, prim, inst);
     }
 }
 
@@ -628,7 +748,15 @@ static rt_hit rtt_closest(const rtt_model *model, const rt_ray *ray)
 {
     rt_hit best = rtt_miss;
 
-    rtt_search(model, ray, RT_NONE, 0, &best);
+    rtt_search(model, ray, 0, RT_NONE, 0, &best);
+    return best;
+}
+
+static rt_hit rtt_closest_at(const rtt_model *model, const rt_ray *ray, float time)
+{
+    rt_hit best = rtt_miss;
+
+    rtt_search(model, ray, time > 0 ? time < 1 ? time : 1 : 0, RT_NONE, 0, &best);
     return best;
 }
 
@@ -642,11 +770,12 @@ static rt_hit rtt_any(rt_hit closest)
 
 /* ---- >>rays --------------------------------------------------------------------------------------------------------- */
 
-typedef struct { rt_ray *ray; size_t count; } rtt_rays;
+typedef struct { rt_ray *ray; size_t count; float *time; } rtt_rays;      /* time NULL: all 0 */
 
 static void rtt_rays_free(rtt_rays *rays)
 {
     free(rays->ray);
+    free(rays->time);
     memset(rays, 0, sizeof *rays);
 }
 
@@ -883,8 +1012,9 @@ static void rtt_compare_ways(const char *what, const rt_accel *accel, const rtt_
 
     rt_get_info(accel, &info);
     for (size_t w = 0; w < rtt_way_count; w++) {
-        const rtt_way *way = &rtt_ways[w];
+        rtt_way *way = &rtt_ways[w];
 
+        way->options.times = rays->time;
         if ((way->structure != RT_STRUCTURE_COUNT && way->structure != info.structure)
             || (w + turn) % (way->large ? 7 * every : every) != 0)
             continue;
@@ -896,14 +1026,17 @@ static void rtt_compare_ways(const char *what, const rt_accel *accel, const rtt_
     }
     if (wrong)
         rtt_fail("%s: %zu ways to trace are wrong", what, wrong);
-    for (size_t i = 0; i < rays->count; i++) {
+    for (size_t w = 0; w < rtt_way_count; w++)
+        rtt_ways[w].options.times = NULL;
+    for (size_t i = 0; i < rays->count && !rays->time; i++) {
         memset(&got[i], 0xcc, sizeof got[i]);
         if (rt_intersect(accel, &rays->ray[i], &got[i]) != (want[i].prim != RT_NONE))
             rtt_fail("%s: rt_intersect's answer for ray %zu", what, i);
         if (rt_occluded(accel, &rays->ray[i]) != (want[i].prim != RT_NONE))
             rtt_fail("%s: rt_occluded's answer for ray %zu", what, i);
     }
-    rtt_compare(what, "rt_intersect", rays, got, want, false, wrong == 0);
+    if (!rays->time)
+        rtt_compare(what, "rt_intersect", rays, got, want, false, wrong == 0);
     CHECK(rtt_heap.calls == calls);         /* a query allocates nothing */
     free(got);
 }
@@ -917,13 +1050,15 @@ static void rtt_compare_all(const char *what, const rt_accel *accel, const rtt_r
 static void rtt_check_accel(const char *what, const rt_accel *accel, const rt_geometry *geometry)
 {
     size_t prims = geometry->triangle_count + geometry->sphere_count + geometry->instance_count, hollow = 0;
+    size_t planes = geometry->plane_count;
     rt_info info;
     bool kdtree;
 
     if (!rti_validate(accel))
         rtt_fail("%s: rti_validate", what);
     rt_get_info(accel, &info);
-    if (info.triangles != geometry->triangle_count || info.spheres != geometry->sphere_count || info.instances != geometry->instance_count)
+    if (info.triangles != geometry->triangle_count || info.spheres != geometry->sphere_count || info.instances != geometry->instance_count
+        || info.planes != planes)
         rtt_fail("%s: rt_info counts", what);
     kdtree = info.structure == RT_KDTREE;
     for (size_t i = 0; i < geometry->instance_count; i++) {            /* an instance of nothing is in no leaf */
@@ -941,7 +1076,7 @@ static void rtt_check_accel(const char *what, const rt_accel *accel, const rt_ge
         || info.references + info.skipped + hollow < prims || (!kdtree && info.references > prims - info.skipped))
         rtt_fail("%s: rt_info: %zu nodes, %zu leaves, %zu empty, %zu references of %zu, leaf of %zu, depth %d, sah %g", what, info.nodes,
                  info.leaves, info.empty_leaves, info.references, prims, info.max_leaf, info.depth, info.sah);
-    if ((prims == info.skipped) != (info.lower.x > info.upper.x))
+    if (!planes && (prims == info.skipped) != (info.lower.x > info.upper.x))
         rtt_fail("%s: rt_info bounds", what);
 }
 
@@ -985,7 +1120,7 @@ static void rtt_check(const char *what, const rtt_model *model, const rtt_rays *
     for (size_t i = 0; i < rays->count; i++) {
         uint32_t words[5];
 
-        want[i] = rtt_closest(model, &rays->ray[i]);
+        want[i] = rtt_closest_at(model, &rays->ray[i], rays->time ? rays->time[i] : 0);
         memcpy(words, &want[i], sizeof words);
         for (size_t k = 0; k < 5; k++)
             rtt.checksum = rtt_mix(rtt.checksum, words[k]);
@@ -2468,7 +2603,7 @@ static void rtt_shake(rtt_model *model, rtt_random *random, float amount)
 static void rtt_oracle_all(const rtt_model *model, const rtt_rays *rays, rt_hit *want)
 {
     for (size_t i = 0; i < rays->count; i++)
-        want[i] = rtt_closest(model, &rays->ray[i]);
+        want[i] = rtt_closest_at(model, &rays->ray[i], rays->time ? rays->time[i] : 0);
 }
 
 /* Moves everything again and again; the hits are those of the moved geometry, nothing is allocated. */
@@ -6879,6 +7014,382 @@ static void rtt_test_pool(void)
     }
 }
 
+/* ---- >>ground: planes outside of the tree, and instances that move -------------------------------------------------- */
+
+static void rtt_rays_times(rtt_rays *rays, rtt_random *random)
+{
+    static const float odd[] = { 0, 1, -1, 2, NAN, INFINITY, -INFINITY };
+
+    rays->time = (float *)rtt_array(rays->count, sizeof *rays->time);
+    for (size_t i = 0; i < rays->count; i++)
+        rays->time[i] = i % 9 == 8 ? odd[i / 9 % RTT_COUNT(odd)] : 0.5f + 0.5f * rtt_signed(random);
+}
+
+/* Infinite planes and discs, tilted and straight, in the plane of triangles, alone, and within instances. */
+static void rtt_test_ground(void)
+{
+    static const float scales[] = { 1, 1e-6f, 1e12f };
+    rtt_random random = rtt_stream();
+
+    for (size_t i = 0; i < 9; i++) {
+        rtt_model model = { 0 }, child = { 0 };
+        rtt_rays rays = { 0 };
+        float size = scales[i / 3];
+
+        if (i % 3) {
+            rtt_cloud(&model, &random, 40, rtt_origin, size, 0.4f * size);
+            rtt_balls(&model, &random, 10, rtt_origin, size, 0.2f * size);
+            rtt_quad(&model, rtt_mul(rtt_v(-1, 0, -1), size), rtt_mul(rtt_v(2, 0, 0), size), rtt_mul(rtt_v(0, 0, 2), size));
+        }
+        rtt_ground(&model, rtt_origin, rtt_v(0, 1, 0), i == 5 ? 0 : size);
+        rtt_ground(&model, rtt_mul(rtt_v(0, -0.25f, 0), size), rtt_v(0.1f, -1e30f, 0.3f), 0);
+        rtt_ground(&model, rtt_origin, rtt_v(0, 1e-30f, 0), 0.5f * size);            /* ties with the first */
+        rtt_ground(&model, rtt_mul(rtt_v(0.5f, 0, 0), size), rtt_v(1, 0.2f, -1), 0.7f * size);
+        child.structure = (rt_structure)(i / 3);
+        rtt_ground(&child, rtt_mul(rtt_v(0, 0.3f, 0), size), rtt_v(1, 3, 1), 0.4f * size);
+        if (i == 5)
+            rtt_cloud(&child, &random, 8, rtt_origin, size, size);
+        for (int k = 0; i % 3 == 2 && k < 3; k++) {
+            float matrix[12];
+
+            rtt_matrix(&random, 1, rtt_point(&random, rtt_origin, size), matrix);
+            rtt_instance(&model, &child, matrix);
+        }
+        rtt_rays_mixed(&rays, &random, rtt_origin, size, 150);
+        rtt_rays_pinhole(&rays, rtt_mul(rtt_v(0.5f, 1, -3), size), rtt_origin, size, 16);
+        for (int k = 0; k < 40; k++) {      /* along the planes, from them, and in them */
+            rt_vec3 p = rtt_point(&random, rtt_origin, size);
+
+            p.y = 0;
+            rtt_segment(&rays, p, rtt_v(rtt_signed(&random), k % 4 ? 0 : rtt_signed(&random), 1), k % 2 ? 0 : -1, k % 3 ? INFINITY : 1);
+            rtt_segment(&rays, rtt_add(p, rtt_mul(rtt_v(0, 0.5f, 0), size)), rtt_v(0, k % 2 ? -1e-20f : 1e20f, 0), 0, INFINITY);
+        }
+        rtt_rays_tighten(&rays, &model, 60);
+        CHECK(rtt_hits(&model, &rays) > rays.count / 4);
+        rtt_check("ground", &model, &rays);
+        rtt_model_free(&model);
+        rtt_model_free(&child);
+        rtt_rays_free(&rays);
+    }
+}
+
+static void rtt_test_ground_bad(void)
+{
+    const rt_plane good = { { 0, 0, 0 }, { 0, 1, 0 }, 1 };
+    const rt_plane bad[] = {
+        { { NAN, 0, 0 }, { 0, 1, 0 }, 1 }, { { 2e18f, 0, 0 }, { 0, 1, 0 }, 1 }, { { 0, 0, 0 }, { 0, 0, 0 }, 1 }, { { 0, 0, 0 }, { 0, INFINITY, 0 }, 1 },
+        { { 0, 0, 0 }, { 0, 1, 0 }, -1 }, { { 0, 0, 0 }, { 0, 1, 0 }, NAN }, { { 9e17f, 0, 0 }, { 0, 1, 0 }, 5e17f }
+    };
+    rtt_model world = { 0 }, endless = { 0 };
+    rt_build_options options;
+    rt_geometry geometry;
+    rt_accel *accel;
+    rt_error error;
+    rt_info info;
+
+    memset(&options, 0, sizeof options);
+    options.error = &error;
+    for (size_t i = 0; i < RTT_COUNT(bad); i++)
+        for (int s = 0; s < RT_STRUCTURE_COUNT; s++) {
+            const rt_plane planes[] = { good, bad[i], good, bad[i] };
+            rt_ray down = { { 0.1f, 1, 0.1f }, 0, { 0, -1, 0 }, INFINITY };
+            rt_hit hit;
+
+            memset(&geometry, 0, sizeof geometry);
+            geometry.planes = planes;
+            geometry.plane_count = 4;
+            options.structure = (rt_structure)s;
+            options.skip_invalid = false;
+            CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_ERROR_GEOMETRY);
+            CHECK(accel == NULL && error.prim == 1 && strstr(error.message, "plane 1 "));
+            options.skip_invalid = true;
+            if (!CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK))
+                continue;
+            rt_get_info(accel, &info);
+            CHECK(info.planes == 4 && info.skipped == 2 && info.nodes == 0 && info.lower.x == -1 && info.upper.z == 1);
+            CHECK(rt_intersect(accel, &down, &hit) && hit.prim == 0 && hit.t == 1 && hit.inst == RT_NONE && rt_occluded(accel, &down));
+            rt_free(accel);
+        }
+    geometry.planes = NULL;
+    CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_ERROR_ARGUMENT);
+
+    options.skip_invalid = false;
+    rtt_ground(&endless, rtt_origin, rtt_v(0, 1, 0), 0);
+    rtt_ball(&world, rtt_origin, 1);
+    rtt_place(&world, &endless, rtt_v(1, 1, 1), rtt_origin);
+    geometry = rtt_geometry(&world);
+    CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_ERROR_GEOMETRY);
+    CHECK(error.prim == 1 && strstr(error.message, "instance 0 ") && strstr(error.message, "infinite plane"));
+    rtt_model_free(&world);
+    rtt_model_free(&endless);
+}
+
+/* Translated, turned, nested, whole turns and none, small and large, with a time for each ray. */
+static void rtt_test_motion(void)
+{
+    static const float angles[] = { 0, 0.01f, 0.7f, -3, 6.2831855f, 100, -RT_MAX_ANGLE };
+    static const float scales[] = { 1, 1e-5f, 1e9f };
+    rtt_random random = rtt_stream();
+
+    for (size_t i = 0; i < 3 * RTT_COUNT(angles); i++) {
+        rtt_model child = { 0 }, middle = { 0 }, world = { 0 };
+        rtt_rays rays = { 0 };
+        float angle = angles[i / 3], size = scales[i % 3], matrix[12];
+
+        child.structure = (rt_structure)(i % RT_STRUCTURE_COUNT);
+        middle.structure = (rt_structure)(i / 2 % RT_STRUCTURE_COUNT);
+        rtt_cloud(&child, &random, 25, rtt_origin, size, 0.5f * size);
+        rtt_balls(&child, &random, 4, rtt_origin, size, 0.2f * size);
+        for (int k = 0; k < 3; k++) {
+            rtt_matrix(&random, 0.5f, rtt_point(&random, rtt_origin, size), matrix);
+            rtt_instance(&middle, &child, matrix);
+            if (k)
+                rtt_set_motion(&middle, rtt_point(&random, rtt_origin, size), rtt_point(&random, rtt_origin, size),
+                               rtt_point(&random, rtt_origin, k == 1 ? 1 : 1e-20f), angle);
+        }
+        rtt_ball(&middle, rtt_origin, 0.2f * size);
+        for (int k = 0; k < 8; k++) {
+            rtt_matrix(&random, 1, rtt_point(&random, rtt_origin, size), matrix);
+            rtt_instance(&world, k % 2 ? &middle : &child, matrix);
+            if (k % 4)
+                rtt_set_motion(&world, rtt_point(&random, rtt_origin, size), rtt_point(&random, rtt_origin, size),
+                               angle != 0 ? rtt_point(&random, rtt_origin, 1e10f) : rtt_origin, angle);
+        }
+        rtt_cloud(&world, &random, 10, rtt_origin, size, size);
+        rtt_ground(&world, rtt_mul(rtt_v(0, -1, 0), size), rtt_v(0, 1, 0.1f), 2 * size);
+        rtt_rays_mixed(&rays, &random, rtt_origin, 2 * size, 150);
+        rtt_rays_pinhole(&rays, rtt_mul(rtt_v(0.5f, 1, -4), size), rtt_origin, size, 12);
+        rtt_rays_times(&rays, &random);
+        CHECK(rtt_hits(&world, &rays) > rays.count / 4);
+        rtt_check("motion", &world, &rays);
+        free(rays.time);
+        rays.time = NULL;                   /* as at time 0 */
+        rtt_check("motion at 0", &world, &rays);
+        rtt_model_free(&world);
+        rtt_model_free(&middle);
+        rtt_model_free(&child);
+        rtt_rays_free(&rays);
+    }
+}
+
+/* Sine, cosine and rotation, against the C library's. */
+static void rtt_test_motion_turn(void)
+{
+    rtt_random random = rtt_stream();
+    double worst = 0;
+
+    for (int i = 0; i < 20000; i++) {
+        double angle = i < 100 ? (i - 50) * 0.78539816339744828 : (double)rtt_signed(&random) * (i % 2 ? 1000 : 7), sine, cosine;
+
+        rti_sine_cosine(angle, &sine, &cosine);
+        worst = fmax(worst, fmax(fabs(sine - sin(angle)), fabs(cosine - cos(angle))));
+    }
+    CHECK(worst < 1e-12);
+    for (int i = 0; i < 1000; i++) {
+        rt_motion motion;
+        double r[9];
+
+        memset(&motion, 0, sizeof motion);
+        motion.axis = rtt_point(&random, rtt_origin, i % 2 ? 1 : 1e15f);
+        motion.angle = 30 * rtt_signed(&random);
+        rti_turn(&motion, (double)rtt_signed(&random), r);
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++) {
+                double dot = r[3 * a] * r[3 * b] + r[3 * a + 1] * r[3 * b + 1] + r[3 * a + 2] * r[3 * b + 2];
+
+                CHECK(fabs(dot - (a == b)) < 1e-13);
+            }
+    }
+}
+
+/* Where rt_instance_transform_at says that a point of a nested, moving instance is, a ray at that time finds it. */
+static void rtt_test_motion_transform(void)
+{
+    rtt_random random = rtt_stream();
+
+    for (int i = 0; i < 60; i++) {
+        rtt_model child = { 0 }, middle = { 0 }, world = { 0 };
+        float matrix[12], m[12], still[12], n[9], time = 0.5f + 0.5f * rtt_signed(&random);
+        rt_trace_options options;
+        rt_geometry geometry;
+        rt_accel *accel;
+
+        rtt_ball(&child, rtt_v(0.2f, 0.1f, 0.3f), 0.1f);
+        rtt_matrix(&random, 1, rtt_point(&random, rtt_origin, 1), matrix);
+        rtt_instance(&middle, &child, matrix);
+        rtt_set_motion(&middle, rtt_point(&random, rtt_origin, 3), rtt_point(&random, rtt_origin, 3), rtt_point(&random, rtt_origin, 1), 2);
+        rtt_matrix(&random, 1, rtt_point(&random, rtt_origin, 1), matrix);
+        rtt_instance(&world, &middle, matrix);
+        rtt_set_motion(&world, rtt_point(&random, rtt_origin, 3), rtt_point(&random, rtt_origin, 3), rtt_point(&random, rtt_origin, 1), -1);
+        geometry = rtt_geometry(&world);
+        memset(&options, 0, sizeof options);
+        options.times = &time;
+        if (CHECK_STATUS(rt_build(&accel, &geometry, NULL), RT_OK)) {
+            float p[3];
+            rt_ray ray;
+            rt_hit hit;
+
+            CHECK(rt_instance_transform_at(accel, 1, time, m, n) && rt_instance_transform(accel, 1, still, NULL));
+            CHECK(memcmp(m, still, sizeof m) != 0 && rt_instance_transform_at(accel, 1, 0, m, NULL) && memcmp(m, still, sizeof m) == 0);
+            CHECK(rt_instance_transform_at(accel, 1, time, m, n));
+            for (int k = 0; k < 3; k++)
+                p[k] = m[4 * k] * 0.2f + m[4 * k + 1] * 0.1f + m[4 * k + 2] * 0.3f + m[4 * k + 3];
+            ray.org = rtt_add(rtt_v(p[0], p[1], p[2]), rtt_v(3, 4, 5));
+            ray.dir = rtt_v(-3, -4, -5);
+            ray.tmin = 0, ray.tmax = INFINITY;
+            CHECK_STATUS(rt_trace(accel, &options, &ray, 1, &hit), RT_OK);
+            CHECK(hit.inst == 1 && hit.t < 1 && hit.t > 0);
+            rt_free(accel);
+        }
+        rtt_model_free(&world);
+        rtt_model_free(&middle);
+        rtt_model_free(&child);
+    }
+}
+
+static void rtt_test_motion_bad(void)
+{
+    static const struct { rt_motion motion; const char *word; } bad[] = {
+        { { { NAN, 0, 0 }, { 0, 0, 0 }, { 0, 1, 0 }, 1 }, "not finite" }, { { { 0, 0, 0 }, { 0, 2e18f, 0 }, { 0, 1, 0 }, 1 }, "not finite" },
+        { { { 0, 0, 0 }, { 0, 0, 0 }, { 0, INFINITY, 0 }, 1 }, "not finite" }, { { { 0, 0, 0 }, { 0, 0, 0 }, { 0, 1, 0 }, 1001 }, "RT_MAX_ANGLE" },
+        { { { 0, 0, 0 }, { 0, 0, 0 }, { 0, 1, 0 }, NAN }, "RT_MAX_ANGLE" }, { { { 0, 0, 0 }, { 0, 0, 0 }, { 0, 0, 0 }, 1 }, "no axis" },
+        { { { 9.9e17f, 0, 0 }, { 0, 0, 0 }, { 0, 0, 0 }, 0 }, "RT_MAX_COORDINATE" }
+    };
+    rtt_model child = { 0 }, world = { 0 };
+    rt_geometry geometry;
+    rt_accel *accel, *top;
+    rt_error error;
+    rt_build_options options;
+    rt_instance instances[2];
+
+    memset(&options, 0, sizeof options);
+    options.error = &error;
+    rtt_ball(&child, rtt_origin, 1);
+    rtt_place(&world, &child, rtt_v(1, 1, 1), rtt_origin);
+    rtt_place(&world, &child, rtt_v(1, 1, 1), rtt_v(2e16f, 0, 0));
+    for (size_t i = 0; i < RTT_COUNT(bad); i++) {
+        world.instances[1].motion = &bad[i].motion;
+        geometry = rtt_geometry(&world);
+        CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_ERROR_GEOMETRY);
+        CHECK(error.prim == 1 && strstr(error.message, bad[i].word));
+    }
+    world.instances[1].motion = NULL;
+
+    /* no cycle: an accel cannot come to show itself, or what shows it */
+    geometry = rtt_geometry(&world);
+    CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK);
+    memset(instances, 0, sizeof instances);
+    memcpy(instances, world.instances, sizeof instances);
+    geometry.instances = instances;
+    instances[0].accel = accel;
+    error.message[0] = 0;
+    CHECK_STATUS(rt_refit_error(accel, &geometry, &error), RT_ERROR_ARGUMENT);
+    CHECK(error.prim == 0 && strstr(error.message, "instance 0"));
+    {
+        rt_geometry outer;
+
+        memset(&outer, 0, sizeof outer);
+        instances[0].accel = accel;
+        outer.instances = instances;
+        outer.instance_count = 1;
+        CHECK_STATUS(rt_build(&top, &outer, &options), RT_OK);
+        instances[0].accel = top;
+        CHECK_STATUS(rt_refit_error(accel, &geometry, &error), RT_ERROR_ARGUMENT);
+        rt_free(top);
+    }
+    rt_free(accel);
+    rtt_model_free(&world);
+    rtt_model_free(&child);
+}
+
+/* Planes and motions change: the hits are those of a new tree; nothing is allocated. */
+static void rtt_test_motion_refit(void)
+{
+    static const struct { rt_structure structure; rt_bounds bounds; } ways[] = {
+        { RT_BVH, RT_BOUNDS_BOXES }, { RT_THREADED, RT_BOUNDS_BOXES }, { RT_THREADED, RT_BOUNDS_SPHERES }
+    };
+    rtt_random random = rtt_stream();
+
+    for (size_t w = 0; w < RTT_COUNT(ways); w++) {
+        rtt_model child = { 0 }, world = { 0 };
+        rt_build_options options;
+        rt_geometry geometry;
+        rt_accel *accel;
+
+        memset(&options, 0, sizeof options);
+        options.structure = ways[w].structure;
+        options.bounds = ways[w].bounds;
+        child.structure = RT_THREADED;
+        rtt_cloud(&child, &random, 20, rtt_origin, 0.5f, 0.3f);
+        for (int k = 0; k < 40; k++)
+            rtt_place(&world, &child, rtt_v(0.3f, 0.3f, 0.3f), rtt_point(&random, rtt_origin, 2));
+        rtt_ground(&world, rtt_v(0, -1, 0), rtt_v(0, 1, 0), 0);
+        rtt_ground(&world, rtt_v(0, -1, 0), rtt_v(0, 1, 0.2f), 3);
+        geometry = rtt_geometry(&world);
+        if (CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK)) {
+            for (int frame = 0; frame < 4; frame++) {
+                rtt_rays rays = { 0 };
+                rt_hit *want;
+                size_t calls;
+
+                for (size_t k = 0; k < world.instance_count; k++) {
+                    rt_vec3 at = rtt_point(&random, rtt_origin, 2);
+
+                    world.instances[k].transform[3] = at.x, world.instances[k].transform[7] = at.y;
+                    free((void *)world.instances[k].motion);
+                    world.instances[k].motion = NULL;
+                    if (frame != 2 && k % 3) {
+                        rt_motion *motion = (rt_motion *)rtt_array(1, sizeof *motion);
+
+                        motion->move = rtt_point(&random, rtt_origin, 1), motion->axis = rtt_point(&random, rtt_origin, 1);
+                        motion->angle = (float)frame;
+                        world.instances[k].motion = motion;
+                    }
+                }
+                world.planes[0].point.y = -1 - 0.1f * (float)frame;
+                world.planes[1].radius = 1 + (float)frame;
+                geometry = rtt_geometry(&world);
+                calls = rtt_heap.calls;
+                CHECK_STATUS(rt_refit(accel, &geometry), RT_OK);
+                CHECK(rtt_heap.calls == calls);
+                rtt_check_accel("motion refit", accel, &geometry);
+                rtt_rays_mixed(&rays, &random, rtt_origin, 2, 200);
+                rtt_rays_times(&rays, &random);
+                want = (rt_hit *)rtt_array(rays.count, sizeof *want);
+                rtt_oracle_all(&world, &rays, want);
+                rtt_compare_ways("motion refit", accel, &rays, want, true, 0, 1);
+                free(want);
+                rtt_rays_free(&rays);
+            }
+            rt_free(accel);
+        }
+        rtt_model_free(&world);
+        rtt_model_free(&child);
+    }
+}
+
+static void rtt_test_ground_raster(void)
+{
+    rtt_random random = rtt_stream();
+
+    for (int i = 0; i < 3; i++) {
+        rtt_model model = { 0 }, child = { 0 };
+
+        if (i)
+            rtt_cloud(&model, &random, 60, rtt_origin, 1, 0.4f);
+        rtt_balls(&child, &random, 5, rtt_origin, 0.3f, 0.1f);
+        for (int k = 0; k < 4 && i == 2; k++) {
+            rtt_place(&model, &child, rtt_v(1, 1, 1), rtt_point(&random, rtt_origin, 1));
+            rtt_set_motion(&model, rtt_point(&random, rtt_origin, 1), rtt_origin, rtt_v(0, 1, 0), 1);
+        }
+        rtt_ground(&model, rtt_v(0, -0.3f, 0), rtt_v(0, 1, 0.1f), i == 1 ? 2.0f : 0);
+        rtt_ground(&model, rtt_v(0.2f, 0, 0), rtt_v(1, 1, 0), 0.5f);
+        CHECK(rtt_check_cameras("ground", &model, &random, rtt_origin, 1) > 5000);
+        rtt_model_free(&model);
+        rtt_model_free(&child);
+    }
+}
+
 /* ---- >>main ----------------------------------------------------------------------------------------------------------- */
 
 static const rtt_test rtt_tests[] = {
@@ -6896,6 +7407,14 @@ static const rtt_test rtt_tests[] = {
     { "hits.short-rays", rtt_test_short_rays },
     { "hits.mixed", rtt_test_mixed },
     { "hits.ties", rtt_test_ties },
+    { "ground", rtt_test_ground },
+    { "ground.bad", rtt_test_ground_bad },
+    { "ground.raster", rtt_test_ground_raster },
+    { "motion", rtt_test_motion },
+    { "motion.turn", rtt_test_motion_turn },
+    { "motion.transform", rtt_test_motion_transform },
+    { "motion.bad", rtt_test_motion_bad },
+    { "motion.refit", rtt_test_motion_refit },
     { "instances.affine", rtt_test_instances },
     { "instances.skewed", rtt_test_instances_skewed },
     { "instances.tiny", rtt_test_instances_tiny },
