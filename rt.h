@@ -27,7 +27,7 @@
                        >>camera-api           >>raster-api           >>texture-api       >>shading-api
        implementation  >>platform >>memory    >>math     >>layout    >>instance >>validate >>refs    >>bins    >>bvh
                        >>kdtree   >>slots     >>threaded >>build-any >>refit    >>info      >>ray      >>tiles    >>surfaces >>passes
-                       >>algorithms >>public  >>camera   >>raster    >>shading
+                       >>algorithms >>public  >>sampling >>camera   >>raster   >>shading
        one pass a SIMD width (this file includes itself)  >>wide  >>boxes  >>primitives  >>traverse  >>large  >>batch  >>cover    >>shade
        license         >>license
 
@@ -455,6 +455,10 @@ typedef struct {
     float focus;                            /* what lies so deep along the view axis is sharp; 0: as deep as look */
     float open, close;                      /* when the shutter is, 0 <= open <= close <= 1: each ray has a time between, all alike likely */
 } rt_lens;
+
+/* The ray of rt_camera_ray through a point of the lens: of the square [0,1) x [0,1), which is laid onto the disc evenly. t is depth, tmin 0. All rays
+   of a pixel meet in the plane of focus. Its time is the caller's to choose. */
+RT_API rt_ray rt_lens_ray(const rt_camera *camera, const rt_lens *lens, float x, float y, int width, int height, const float on_lens[2]);
 #endif
 
 /* The camera's ray through point (x, y) of a width x height picture, in pixels from the top left corner (a pixel's middle is at
@@ -620,14 +624,17 @@ typedef struct {
 
 typedef struct { uint64_t primary, shadow, reflect, refract; } rt_ray_counts;
 
-/* Renders the pixels [x0,x1) x [y0,y1) of the picture to pixels, which holds the whole picture row by row (linear RGB): so tiles may
+/* Each sample of a pixel is a tree of rays, as Whitted's, of which every one that may spread is sent in one direction by chance ([Cook], [Lohr] 7): through a
+   point of the pixel and of the lens, at a time, to a point of each light, along the lobe of each rough mirror and glass. The mean over all chances is
+   what the picture tends to; opt->spp samples differ from it by noise. What a scene and opt do not use costs neither samples nor rays.
+   Renders the pixels [x0,x1) x [y0,y1) of the picture to pixels, which holds the whole picture row by row (linear RGB): so tiles may
    be rendered by any threads in any order, with any algorithm, and the picture is the same. rays may be NULL; counts are added to it.
    Threads may share scene and opt, but not what is written: rays, opt->trace.error and opt->trace.stats. Tiles that start and end at
    multiples of 32 pixels are the fastest.
    A ray whose part of its pixel is below 1/512 in every channel is left out. So a sample has at most 1536 rays a level, whatever the
    materials, and some hundreds in all behind surfaces that reflect one half and transmit the other.
    Errors as rt_trace; RT_ERROR_ARGUMENT where opt->raster is of another camera, size or number of primitives. Eye rays that are rasterised
-   are counted in rays, not in opt->trace.stats. No allocation. Stack: 140 KiB for blocks of 16 x 16 pixels, 524 KiB for those of 32 x 32
+   are counted in rays, not in opt->trace.stats. No allocation. Stack: 150 KiB for blocks of 16 x 16 pixels, 560 KiB for those of 32 x 32
    that an opt->trace.packet_width above 16 asks for; 6 KiB more with raster, 44 KiB more a level of instances. */
 RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *opt, int x0, int y0, int x1, int y1, rt_vec3 *pixels,
                                 rt_ray_counts *rays);
@@ -4236,9 +4243,9 @@ typedef enum {
 
 typedef struct { float lanes[RTI_LANE_COUNT * RTI_ABREAST]; } RTI_ALIGNED(32) rti_surfaces;     /* number k of surface i at 8 k + i */
 
-/* count surfaces; what is behind them in their last rti_surfaces is read and written too. */
+/* count surfaces; what is behind them in their last rti_surfaces is read and written too. light NULL: each surface has its own, in RTI_TO_LIGHT. */
 typedef void (*rti_finish_function)(rti_surfaces *s, size_t count);
-typedef void (*rti_aim_function)(rti_surfaces *s, size_t count, rt_vec3 light);
+typedef void (*rti_aim_function)(rti_surfaces *s, size_t count, const rt_vec3 *light);
 
 #endif
 
@@ -4531,6 +4538,133 @@ RT_API rt_status rt_trace_arrays(const rt_accel *accel, const rt_trace_options *
     return RT_OK;
 }
 
+/* ---- >>sampling ----------------------------------------------------------------------------------------------------- */
+
+#if RTI_SAMPLING
+
+/* Integers and floats alone, without a library: the same numbers from every compiler. */
+
+/* The finaliser of MurmurHash3: a permutation in which every bit depends on every other. */
+static uint32_t rti_hash(uint32_t x)
+{
+    x = (x ^ x >> 16) * 0x85ebca6bu;
+    x = (x ^ x >> 13) * 0xc2b2ae35u;
+    return x ^ x >> 16;
+}
+
+static uint32_t rti_hash_next(uint32_t hash, uint32_t x) { return rti_hash(hash + x * 0x9e3779b9u + 0x7f4a7c15u); }
+
+static float rti_unit_float(uint32_t x) { return (float)(x >> 8) * (1.0f / 16777216); }
+
+/* All that tells one set of samples from another. */
+static uint32_t rti_sample_key(const rt_sampler *sampler, uint32_t x, uint32_t y, uint32_t dimension)
+{
+    uint32_t hash = rti_hash_next(rti_hash(sampler->seed), sampler->frame);
+    hash = rti_hash_next(hash, x);
+    hash = rti_hash_next(hash, y);
+    return rti_hash_next(hash, dimension);
+}
+
+/* Where i of n goes in a shuffled order: a permutation of the next power of 2, again until it lands below n (Kensler 2013). */
+static uint32_t rti_shuffle(uint32_t i, uint32_t n, uint32_t key)
+{
+    uint32_t mask = n - 1, bits = 0, a, b, c, d;
+    mask |= mask >> 1;
+    mask |= mask >> 2;
+    mask |= mask >> 4;
+    mask |= mask >> 8;
+    mask |= mask >> 16;
+    while (mask >> bits) bits++;
+    if (!bits) return 0;
+    a = rti_hash_next(key, 1);
+    b = rti_hash_next(key, 2);
+    c = rti_hash_next(key, 3);
+    d = rti_hash_next(key, 4);
+    do {                                    /* each step can be undone within the mask */
+        i = (i ^ a) & mask;
+        i = i * (b | 1) & mask;
+        i ^= i >> (bits + 1) / 2;
+        i = (i + c) & mask;
+        i = i * (d << 1 | 1) & mask;
+        i ^= i >> (bits + 2) / 3;
+        i = i * ((a ^ d) | 1) & mask;
+        i ^= i >> (bits + 1) / 2;
+        i = (i + b) & mask;
+    } while (i >= n);
+    return i;
+}
+
+static uint32_t rti_reverse(uint32_t x)
+{
+    x = x << 16 | x >> 16;
+    x = (x & 0x00ff00ffu) << 8 | (x & 0xff00ff00u) >> 8;
+    x = (x & 0x0f0f0f0fu) << 4 | (x & 0xf0f0f0f0u) >> 4;
+    x = (x & 0x33333333u) << 2 | (x & 0xccccccccu) >> 2;
+    return (x & 0x55555555u) << 1 | (x & 0xaaaaaaaau) >> 1;
+}
+
+/* Owen's scrambling: whether a bit is flipped depends on all that are above it. On reversed bits a product, and a sum, carry upwards only; so does what
+   is xored with an even product (Laine and Karras 2011). */
+static uint32_t rti_owen(uint32_t x, uint32_t key)
+{
+    x = rti_reverse(x);
+    x ^= x * 0x3c6ef372u;
+    x += key;
+    x *= key >> 15 | 1;
+    x ^= x * 0x1b56c4eau;
+    x ^= x * 0xa54ff53au;
+    x *= key << 1 | 1;
+    x ^= x * 0x510e527eu;
+    return rti_reverse(x);
+}
+
+/* Point i of the first two dimensions of Sobol''s sequence, of which the first is van der Corput's. */
+static uint32_t rti_sobol_second(uint32_t i)
+{
+    uint32_t x = 0, direction = 0x80000000u;
+    for (; i; i >>= 1, direction ^= direction >> 1)
+        if (i & 1) x ^= direction;
+    return x;
+}
+
+RT_API float rt_sample_1d(const rt_sampler *sampler, uint32_t x, uint32_t y, uint32_t sample, uint32_t dimension)
+{
+    const uint32_t key = rti_sample_key(sampler, x, y, dimension), n = sampler->spp ? sampler->spp : 1;
+    if (sampler->kind == RT_SAMPLER_INDEPENDENT) return rti_unit_float(rti_hash_next(key, sample));
+    if (sampler->kind == RT_SAMPLER_STRATIFIED) {
+        const float u = ((float)rti_shuffle(sample % n, n, key) + rti_unit_float(rti_hash_next(key, sample))) / (float)n;
+        return u < 1 ? u : 0.99999994f;
+    }
+    return rti_unit_float(rti_owen(rti_reverse(rti_owen(sample, key)), rti_hash_next(key, 0)));
+}
+
+RT_API void rt_sample_2d(const rt_sampler *sampler, uint32_t x, uint32_t y, uint32_t sample, uint32_t dimension, float point[2])
+{
+    const uint32_t key = rti_sample_key(sampler, x, y, dimension), n = sampler->spp ? sampler->spp : 1;
+    int k;
+    if (sampler->kind == RT_SAMPLER_INDEPENDENT) {
+        const uint32_t hash = rti_hash_next(key, sample);
+        point[0] = rti_unit_float(hash);
+        point[1] = rti_unit_float(rti_hash_next(hash, 1));
+    } else if (sampler->kind == RT_SAMPLER_STRATIFIED) {        /* correlated multi-jittering (Kensler 2013): a column of the grid is shifted as a whole */
+        const uint32_t hash = rti_hash_next(key, sample), s = rti_shuffle(sample % n, n, key);
+        uint32_t columns = 1, rows;
+        while ((columns + 1) * (columns + 1) <= n) columns++;
+        rows = (n + columns - 1) / columns;
+        point[0] = ((float)rti_shuffle(s % columns, columns, key ^ 0x68bc21ebu) +
+                    ((float)rti_shuffle(s / columns, rows, key ^ 0x02e5be93u) + rti_unit_float(hash)) / (float)rows) / (float)columns;
+        point[1] = ((float)s + rti_unit_float(rti_hash_next(hash, 1))) / (float)n;
+    } else {
+        const uint32_t i = rti_owen(sample, key);
+        point[0] = rti_unit_float(rti_owen(rti_reverse(i), rti_hash_next(key, 0)));
+        point[1] = rti_unit_float(rti_owen(rti_sobol_second(i), rti_hash_next(key, 1)));
+    }
+    for (k = 0; k < 2; k++)                 /* what rounding has made 1 */
+        if (!(point[k] < 1)) point[k] = 0.99999994f;
+}
+
+#endif
+
 /* ---- >>camera ------------------------------------------------------------------------------------------------------- */
 
 #ifndef RT_NO_SHADING
@@ -4594,6 +4728,54 @@ static rt_ray rti_view_ray(const rti_view *view, float x, float y)
     ray.tmax = RTI_INFINITY;
     return ray;
 }
+
+#if RTI_SAMPLING
+/* What a lens adds to a view. */
+typedef struct { rt_vec3 right, down; float rfocus; bool open; } rti_aperture;     /* its radius along both; 1 / depth of focus; false: a pinhole */
+
+static rti_aperture rti_make_aperture(const rt_camera *camera, const rti_view *view, const rt_lens *lens)
+{
+    const rt_vec3 ahead = rti_sub(camera->look, camera->eye);
+    rti_aperture l;
+    l.open = lens->radius > 0;
+    l.right = rti_scale(rti_normalize(view->right), lens->radius);
+    l.down = rti_scale(rti_normalize(view->down), lens->radius);
+    l.rfocus = 1 / (lens->focus > 0 ? lens->focus : rti_largest(ahead) / rti_largest(rti_normalize(ahead)));
+    return l;
+}
+
+/* The square onto the disc, rings onto rings (Shirley and Chiu 1997). */
+static void rti_disc(const float u[2], float out[2])
+{
+    const float x = 2 * u[0] - 1, y = 2 * u[1] - 1;
+    const bool wide = fabsf(x) > fabsf(y);
+    const float r = wide ? x : y, angle = r != 0 ? 0.785398163f * (wide ? y / x : 2 - x / y) : 0;
+    out[0] = r * cosf(angle);
+    out[1] = r * sinf(angle);
+}
+
+/* Moves a ray of the view to a point of the lens: where it is in focus, at depth 1 / rfocus, it stays. */
+static void rti_through_lens(const rti_aperture *lens, const float u[2], rt_ray *ray)
+{
+    float at[2];
+    rt_vec3 off;
+    rti_disc(u, at);
+    off = rti_add(rti_scale(lens->right, at[0]), rti_scale(lens->down, at[1]));
+    ray->org = rti_add(ray->org, off);
+    ray->dir = rti_sub(ray->dir, rti_scale(off, lens->rfocus));
+}
+
+RT_API rt_ray rt_lens_ray(const rt_camera *camera, const rt_lens *lens, float x, float y, int width, int height, const float on_lens[2])
+{
+    rti_view view = rti_make_view(camera, width, height);
+    rt_ray ray = rti_view_ray(&view, x, y);
+    if (lens->radius > 0) {
+        const rti_aperture l = rti_make_aperture(camera, &view, lens);
+        rti_through_lens(&l, on_lens, &ray);
+    }
+    return ray;
+}
+#endif
 
 RT_API rt_ray rt_camera_ray(const rt_camera *camera, float x, float y, int width, int height)
 {
@@ -5174,9 +5356,19 @@ typedef struct {
     rt_vec3 weight;                         /* of what it sees, in its pixel */
     uint32_t pixel;                         /* of the block: y * side + x */
     const rt_material *medium;              /* inside of which it runs, or NULL */
+#if RTI_SAMPLING
+    float time;
+    uint32_t branch;                        /* of the sample's tree of rays: the eye ray 1, what it sees mirrored 2, refracted 3, and so on */
+#endif
 } rti_path;
 
 typedef enum { RTI_EYE, RTI_REFLECT, RTI_REFRACT } rti_kind_of_ray;
+
+#if RTI_SAMPLING
+#define RTI_SAMPLING_OR(with, without) (with)
+#else
+#define RTI_SAMPLING_OR(with, without) (without)
+#endif
 
 /* Waiting rays of one kind and level from one batch; a group lies on top of the one before it. */
 typedef struct { size_t count; int level; rti_kind_of_ray kind; } rti_group;
@@ -5193,6 +5385,18 @@ typedef struct {
     rti_view view;
     rt_ray_counts counts;
     int depth, spp, side;                   /* side: of a block, in pixels */
+#if RTI_SAMPLING
+    rt_sampler sampler;
+    rt_filter filter;
+    rti_aperture lens;
+    bool spread;                            /* samples lie anywhere in the filter, not regularly in the pixel */
+    bool timed;                             /* rays have times that matter, from open, for length */
+    float open, length;
+    int left, top;                          /* of the block */
+    uint32_t sample;                        /* of each pixel, that is being drawn */
+    float *times;                           /* one a ray of the batch, for those below */
+    float *shares;                          /* of a light with a size: what its point counts, one a surface */
+#endif
 
     /* One batch, of at most side * side rays. Compacted on the way: first what is traced, then what is seen, then its shadow rays. */
     rt_ray *rays;
@@ -5297,15 +5501,15 @@ static rt_vec3 rti_world_normal(const float inverse[12], rt_vec3 n)
                                  rti_scale(rti_vertex(inverse + 8), n.z)));
 }
 
-/* The same of a hit within an instance. */
-RTI_NOINLINE const rt_material *rti_look_into(const rt_scene *scene, const rt_hit *hit, rt_vec3 at, float *lanes, rt_vec3 *tint)
+/* The same of a hit within an instance, which may move: at a time. */
+RTI_NOINLINE const rt_material *rti_look_into(const rt_scene *scene, const rt_hit *hit, rt_vec3 at, float time, float *lanes, rt_vec3 *tint)
 {
     const rt_accel *accel = scene->accel;
     const rt_material *material;
     uint32_t inst = hit->inst;
     float m[12], inverse[12], org[3], dir[3];
     const float point[3] = { at.x, at.y, at.z };
-    (void)rt_instance_transform(accel, inst, m, NULL);
+    (void)rt_instance_transform_at(accel, inst, time, m, NULL);
     (void)rti_invert(m, inverse);
     rti_transform_ray(inverse, point, point, org, dir);
     while (inst != RT_NONE) {
@@ -5370,7 +5574,7 @@ static size_t rti_look_at(rti_render *r, size_t n, bool last)
         lanes[RTI_OFFSET * RTI_ABREAST] = hit->t;
         *tint = path->weight;
 #if RTI_INSTANCES
-        if (hit->inst != RT_NONE) material = rti_look_into(scene, hit, point, lanes, tint);
+        if (hit->inst != RT_NONE) material = rti_look_into(scene, hit, point, RTI_SAMPLING_OR(path->time, 0), lanes, tint);
         else
 #endif
             material = rti_look_up(scene, hit, point, lanes, tint);
@@ -5398,6 +5602,170 @@ static size_t rti_look_at(rti_render *r, size_t n, bool last)
     return seen;
 }
 
+#if RTI_SAMPLING
+
+/* Dimensions of a branch of the tree. */
+enum { RTI_ON_PIXEL, RTI_ON_LENS, RTI_IN_TIME, RTI_ON_LOBE, RTI_ON_LIGHTS };    /* the lights: one each */
+
+static void rti_draw(const rti_render *r, const rti_path *path, uint32_t dimension, float u[2])
+{
+    const uint32_t side = (uint32_t)r->side, x = (uint32_t)r->left + path->pixel % side, y = (uint32_t)r->top + path->pixel / side;
+    rt_sample_2d(&r->sampler, x, y, r->sample, path->branch * 0x9e3779b1u + dimension, u);
+}
+
+/* Two unit vectors across n, which is one (Duff et al. 2017). */
+static void rti_frame(rt_vec3 n, rt_vec3 *x, rt_vec3 *y)
+{
+    const float sign = copysignf(1, n.z), a = -1 / (sign + n.z), b = n.x * n.y * a;
+    *x = rti_vec3(1 + sign * n.x * n.x * a, sign * b, -sign * n.x);
+    *y = rti_vec3(b, sign + n.y * n.y * a, -n.y);
+}
+
+/* The direction at an angle from axis, whose cosine and its square's rest to 1 are given, and somewhere around it. */
+static rt_vec3 rti_around(rt_vec3 axis, float cosine, float sine2, float turn)
+{
+    const float sine = sqrtf(rti_positive(sine2)), angle = 6.28318531f * turn;
+    rt_vec3 x, y;
+    rti_frame(axis, &x, &y);
+    return rti_add(rti_scale(axis, cosine), rti_add(rti_scale(x, sine * cosf(angle)), rti_scale(y, sine * sinf(angle))));
+}
+
+/* A direction around axis, as dense as the nth power of the cosine. */
+static rt_vec3 rti_on_lobe(rt_vec3 axis, float n, const float u[2])
+{
+    const float log_cosine = logf(1 - u[0]) / (n + 1);      /* u is below 1 */
+    return rti_around(axis, expf(log_cosine), -expm1f(2 * log_cosine), u[1]);
+}
+
+/* The same for a rough surface; what would go to the wrong side of it is mirrored to the right one, so that nothing is lost. */
+static rt_vec3 rti_roughen(const rti_render *r, const rti_path *path, uint32_t dimension, float roughness, rt_vec3 dir, rt_vec3 geometric,
+                           float side)
+{
+    float u[2], off;
+    rti_draw(r, path, dimension, u);
+    dir = rti_on_lobe(rti_normalize(dir), 2 / (roughness * roughness) - 2, u);
+    off = rti_dot(dir, geometric) * side;
+    return off < 0 ? rti_sub(dir, rti_scale(geometric, 2 * off * side)) : dir;
+}
+
+/* 1 - the cosine of the half angle that a sphere subtends from a distance; inside of it 2: all directions. */
+static float rti_cap(float radius, float distance)
+{
+    const float sine = radius / distance, sine2 = sine * sine;
+    return sine2 < 1 ? sine2 / (1 + sqrtf(1 - sine2)) : 2;
+}
+
+/* A point of a sphere as seen from `from`, and what it counts. */
+static rt_vec3 rti_on_sphere(const rt_light *light, rt_vec3 from, const float u[2], float *share)
+{
+    const rt_vec3 to = rti_sub(light->position, from);
+    const float radius = light->radius, distance = sqrtf(rti_dot(to, to)), cap = rti_cap(radius, distance);
+    const rt_vec3 axis = distance > 0 ? rti_scale(to, 1 / distance) : rti_vec3(0, 0, 1);
+    const float part = u[0] * (light->by_area ? 2 : cap);      /* 1 - cosine */
+    const rt_vec3 dir = rti_around(axis, 1 - part, part * (2 - part), u[1]);
+    *share = 1;
+    if (light->by_area) {                   /* dir is the outer normal */
+        const rt_vec3 at = rti_add(light->position, rti_scale(dir, radius)), back = rti_sub(from, at);
+        const float away2 = rti_dot(back, back), cosine = rti_dot(dir, back) / sqrtf(away2);
+        *share = cap < 2 ? rti_positive(cosine) * 2 * radius * radius / (away2 * cap) : fabsf(cosine) * radius * radius / away2;
+        return at;
+    }
+    {
+        const float along = distance * (1 - part), off2 = distance * distance * part * (2 - part);
+        const float half = sqrtf(rti_positive(radius * radius - off2));
+        return rti_add(from, rti_scale(dir, cap < 2 ? along - half : along + half));
+    }
+}
+
+/* A rectangle as seen from a point: in its own axes, the origin there (Urena et al. 2013). In double: small angles are differences. */
+typedef struct { double x0, x1, y0, y1, z, b0, b1, k, solid; rt_vec3 x, y, out; } rti_window;
+
+static double rti_arc(double cosine) { return acos(cosine > 1 ? 1 : cosine < -1 ? -1 : cosine); }
+
+static rti_window rti_make_window(const rt_light *light, rt_vec3 from)
+{
+    const float width = sqrtf(rti_dot(light->edges[0], light->edges[0])), height = sqrtf(rti_dot(light->edges[1], light->edges[1]));
+    const rt_vec3 to = rti_sub(light->position, from);
+    double zx[2], zy[2];                    /* of the normals of the four planes through the origin and an edge, + or - */
+    rti_window w;
+    int i;
+    w.x = rti_scale(light->edges[0], 1 / width);
+    w.y = rti_scale(light->edges[1], 1 / height);
+    w.out = rti_cross(w.x, w.y);
+    w.z = (double)rti_dot(to, w.out);
+    if (w.z > 0) {
+        w.z = -w.z;
+        w.out = rti_scale(w.out, -1);
+    }
+    w.x0 = (double)rti_dot(to, w.x) - (double)width / 2;
+    w.x1 = w.x0 + (double)width;
+    w.y0 = (double)rti_dot(to, w.y) - (double)height / 2;
+    w.y1 = w.y0 + (double)height;
+    for (i = 0; i < 2; i++) {
+        const double x = i ? w.x1 : w.x0, y = i ? w.y1 : w.y0, rx = sqrt(x * x + w.z * w.z), ry = sqrt(y * y + w.z * w.z);
+        zx[i] = rx > 0 ? x / rx : 0;
+        zy[i] = ry > 0 ? y / ry : 0;
+    }
+    /* n0 = (0, z, -y0), n1 = (-z, 0, x1), n2 = (0, -z, y1), n3 = (z, 0, -x0), each over its length */
+    {
+        const double g0 = rti_arc(zy[0] * zx[1]), g1 = rti_arc(-zx[1] * zy[1]), g2 = rti_arc(zy[1] * zx[0]), g3 = rti_arc(-zx[0] * zy[0]);
+        w.b0 = -zy[0];
+        w.b1 = zy[1];
+        w.k = 6.283185307179586 - g2 - g3;
+        w.solid = g0 + g1 - w.k;
+    }
+    return w;
+}
+
+static double rti_clamp(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
+
+static rt_vec3 rti_on_rectangle(const rt_light *light, rt_vec3 from, const float u[2], float *share)
+{
+    const rti_window w = rti_make_window(light, from);
+    const double area = (w.x1 - w.x0) * (w.y1 - w.y0);
+    double x, y;
+    *share = 1;
+    if (light->by_area || !(w.solid > 1e-8)) {              /* seen so small, its points count alike to some 1e-4 */
+        x = w.x0 + (double)u[0] * (w.x1 - w.x0);
+        y = w.y0 + (double)u[1] * (w.y1 - w.y0);
+        if (w.solid > 1e-8) {
+            const double away2 = x * x + y * y + w.z * w.z;
+            *share = (float)(-w.z / (away2 * sqrt(away2)) * area / w.solid);
+        }
+    } else {
+        const double angle = (double)u[0] * w.solid + w.k, f = (cos(angle) * w.b0 - w.b1) / sin(angle);
+        const double c = rti_clamp((f > 0 ? 1 : -1) / sqrt(f * f + w.b0 * w.b0), -1, 1);
+        double d, h0, h1, h;
+        x = rti_clamp(-(c * w.z) / sqrt(1 - c * c), w.x0, w.x1);
+        d = sqrt(x * x + w.z * w.z);
+        h0 = w.y0 / sqrt(d * d + w.y0 * w.y0);
+        h1 = w.y1 / sqrt(d * d + w.y1 * w.y1);
+        h = h0 + (double)u[1] * (h1 - h0);
+        y = h * h < 1 ? rti_clamp(h * d / sqrt(1 - h * h), w.y0, w.y1) : h > 0 ? w.y1 : w.y0;
+    }
+    return rti_add(from, rti_add(rti_scale(w.x, (float)x), rti_add(rti_scale(w.y, (float)y), rti_scale(w.out, (float)w.z))));
+}
+
+static bool rti_has_edges(const rt_light *light) { return rti_largest(light->edges[0]) > 0 || rti_largest(light->edges[1]) > 0; }
+
+/* A point of the light for each surface, in the lanes for the way there. False: it is one point. */
+static bool rti_sample_light(rti_render *r, size_t number, size_t seen)
+{
+    const rt_light *light = &r->scene->lights[number];
+    const bool round = light->radius > 0;
+    size_t i;
+    if (!round && !rti_has_edges(light)) return false;
+    for (i = 0; i < seen; i++) {
+        float *lanes = rti_lanes(r->surfaces, i), u[2];
+        const rt_vec3 from = rti_get(lanes, RTI_POINT);
+        rti_draw(r, &r->paths[i], RTI_ON_LIGHTS + (uint32_t)number, u);
+        rti_put(lanes, RTI_TO_LIGHT, round ? rti_on_sphere(light, from, u, &r->shares[i]) : rti_on_rectangle(light, from, u, &r->shares[i]));
+    }
+    return true;
+}
+
+#endif
+
 /* Adds what the lights make of the surfaces seen. */
 static void rti_light_up(rti_render *r, size_t seen, rti_kind_of_ray kind)
 {
@@ -5407,11 +5775,16 @@ static void rti_light_up(rti_render *r, size_t seen, rti_kind_of_ray kind)
     r->job.tuner = &r->tuners[1][kind];
     for (light = 0; light < scene->light_count; light++) {
         const rt_vec3 color = scene->lights[light].color;
-        r->aim(r->surfaces, seen, scene->lights[light].position);
+        const bool sized = RTI_SAMPLING_OR(rti_sample_light(r, light, seen), false);
+        r->aim(r->surfaces, seen, sized ? NULL : &scene->lights[light].position);
         for (i = m = 0; i < seen; i++) {
             const float *lanes = rti_lanes(r->surfaces, i);
             rt_ray *ray = &r->rays[m];
             if (!(lanes[RTI_COSINE * RTI_ABREAST] > 0)) continue;
+#if RTI_SAMPLING
+            if (sized && !(r->shares[i] > 0)) continue;
+            if (r->timed) r->times[m] = r->paths[i].time;
+#endif
             if (!rti_any(r->tints[i]) && !(lanes[RTI_HIGHLIGHT * RTI_ABREAST] > 0 && rti_any(r->materials[i]->specular))) continue;
             ray->org = rti_get(lanes, RTI_POINT);
             ray->tmin = 0;
@@ -5427,10 +5800,14 @@ static void rti_light_up(rti_render *r, size_t seen, rti_kind_of_ray kind)
             const rt_material *material = r->materials[at];
             const rti_path *path = &r->paths[at];
             rt_vec3 *sum = &r->sums[path->pixel];
+            rt_vec3 shone = color;
             if (r->hits[i].prim != RT_NONE) continue;
-            rti_add_to(sum, rti_scale(r->tints[at], lanes[RTI_COSINE * RTI_ABREAST]), color);
+#if RTI_SAMPLING
+            if (sized) shone = rti_scale(color, r->shares[at]);
+#endif
+            rti_add_to(sum, rti_scale(r->tints[at], lanes[RTI_COSINE * RTI_ABREAST]), shone);
             if (highlight > 0 && rti_any(material->specular))
-                rti_add_to(sum, rti_scale(rti_mul(path->weight, material->specular), powf(highlight, material->shininess)), color);
+                rti_add_to(sum, rti_scale(rti_mul(path->weight, material->specular), powf(highlight, material->shininess)), shone);
         }
     }
 }
@@ -5447,7 +5824,8 @@ static bool rti_bend(rt_vec3 view, rt_vec3 normal, float eta, rt_vec3 *dir, floa
     return true;
 }
 
-static void rti_wait(rti_render *r, size_t at, rt_vec3 org, rt_vec3 dir, rt_vec3 weight, uint32_t pixel, const rt_material *medium)
+static void rti_wait(rti_render *r, size_t at, rt_vec3 org, rt_vec3 dir, rt_vec3 weight, const rti_path *from, rti_kind_of_ray kind,
+                     const rt_material *medium)
 {
     rt_ray *ray = &r->waiting_rays[at];
     rti_path *path = &r->waiting[at];
@@ -5455,9 +5833,14 @@ static void rti_wait(rti_render *r, size_t at, rt_vec3 org, rt_vec3 dir, rt_vec3
     ray->tmin = 0;
     ray->dir = dir;
     ray->tmax = RTI_INFINITY;
+    *path = *from;
     path->weight = weight;
-    path->pixel = pixel;
     path->medium = medium;
+#if RTI_SAMPLING
+    path->branch = 2 * from->branch + (kind == RTI_REFRACT);
+#else
+    (void)kind;
+#endif
 }
 
 /* Sends rays from the shiny surfaces to the stack: what is mirrored below what is refracted, so that no mirror moves them. */
@@ -5489,12 +5872,21 @@ static void rti_bounce(rti_render *r, int level)
             else if (!material->fresnel) mirrored = 0;
             reflect = rti_add(reflect, rti_scale(transmit, mirrored));
             through = rti_mul(path->weight, rti_scale(transmit, 1 - mirrored));
-            if (open && rti_shows(through))
+            if (open && rti_shows(through)) {
+#if RTI_SAMPLING
+                if (material->roughness > 0) bent = rti_roughen(r, path, RTI_ON_LOBE + 0x10000u, material->roughness, bent, geometric, -1);
+#endif
                 rti_wait(r, base + most + refracted++, rti_sub(org, rti_scale(geometric, 2 * lanes[RTI_OFFSET * RTI_ABREAST])), bent,
-                         through, path->pixel, r->inside[at] ? NULL : material);
+                         through, path, RTI_REFRACT, r->inside[at] ? NULL : material);
+            }
         }
         reflect = rti_mul(reflect, path->weight);
-        if (rti_shows(reflect)) rti_wait(r, base + reflected++, org, mirror, reflect, path->pixel, path->medium);
+        if (rti_shows(reflect)) {
+#if RTI_SAMPLING
+            if (material->roughness > 0) mirror = rti_roughen(r, path, RTI_ON_LOBE, material->roughness, mirror, geometric, 1);
+#endif
+            rti_wait(r, base + reflected++, org, mirror, reflect, path, RTI_REFLECT, path->medium);
+        }
     }
     if (reflected < most) {
         memmove(r->waiting_rays + base + reflected, r->waiting_rays + base + most, refracted * sizeof *r->waiting_rays);
@@ -5526,6 +5918,12 @@ static size_t rti_take(rti_render *r)
     r->waiting_count -= count;
     memcpy(r->rays, r->waiting_rays + r->waiting_count, count * sizeof *r->rays);
     memcpy(r->paths, r->waiting + r->waiting_count, count * sizeof *r->paths);
+#if RTI_SAMPLING
+    if (r->timed) {
+        size_t i;
+        for (i = 0; i < count; i++) r->times[i] = r->paths[i].time;
+    }
+#endif
     return count;
 }
 
@@ -5579,11 +5977,77 @@ static size_t rti_look(rti_render *r, const int box[4], float dx, float dy)
             path->weight = rti_vec3(1, 1, 1);
             path->pixel = y * side + x;
             path->medium = NULL;
+#if RTI_SAMPLING
+            path->branch = 1;
+            path->time = r->open;
+#endif
             path++;
         }
     }
     return (size_t)(ray - r->rays);
 }
+
+#if RTI_SAMPLING
+/* A coordinate in the pixel, whose middle is 0.5, as dense as the filter. */
+static float rti_filtered(rt_filter filter, float u)
+{
+    if (filter == RT_FILTER_TENT) return u < 0.5f ? sqrtf(2 * u) - 0.5f : 1.5f - sqrtf(2 - 2 * u);
+    if (filter == RT_FILTER_GAUSSIAN) {     /* the inverse of the error function (Giles 2010), between -+ 3 deviations */
+        const float x = 0.997300204f * (2 * u - 1), w = -logf((1 - x) * (1 + x));
+        const float a = w - 2.5f, b = sqrtf(w) - 3;
+        float p;
+        if (w < 5) {
+            p = 2.81022636e-08f;
+            p = 3.43273939e-07f + p * a;
+            p = -3.5233877e-06f + p * a;
+            p = -4.39150654e-06f + p * a;
+            p = 0.00021858087f + p * a;
+            p = -0.00125372503f + p * a;
+            p = -0.00417768164f + p * a;
+            p = 0.246640727f + p * a;
+            p = 1.50140941f + p * a;
+        } else {
+            p = -0.000200214257f;
+            p = 0.000100950558f + p * b;
+            p = 0.00134934322f + p * b;
+            p = -0.00367342844f + p * b;
+            p = 0.00573950773f + p * b;
+            p = -0.0076224613f + p * b;
+            p = 0.00943887047f + p * b;
+            p = 1.00167406f + p * b;
+            p = 2.83297682f + p * b;
+        }
+        return 0.5f + 0.707106781f * p * x;
+    }
+    return u;
+}
+
+/* Gives the eye rays of a block what each has of its own: its point in the pixel and on the lens, and its time. */
+static void rti_spread(rti_render *r, size_t count)
+{
+    size_t i;
+    for (i = 0; i < count; i++) {
+        rti_path *path = &r->paths[i];
+        rt_ray *ray = &r->rays[i];
+        float u[2];
+        if (r->spread) {
+            rti_draw(r, path, RTI_ON_PIXEL, u);
+            *ray = rti_view_ray(&r->view, (float)(r->left + (int)(path->pixel % (uint32_t)r->side)) + rti_filtered(r->filter, u[0]),
+                                (float)(r->top + (int)(path->pixel / (uint32_t)r->side)) + rti_filtered(r->filter, u[1]));
+        }
+        if (r->lens.open) {
+            rti_draw(r, path, RTI_ON_LENS, u);
+            rti_through_lens(&r->lens, u, ray);
+        }
+        if (!r->timed) continue;
+        if (r->length > 0) {
+            rti_draw(r, path, RTI_IN_TIME, u);
+            path->time = r->open + r->length * u[0];
+        }
+        r->times[i] = path->time;
+    }
+}
+#endif
 
 /* One sample of every pixel of a block, added to the sums. */
 static void rti_render_block(rti_render *r, const int box[4], int sample)
@@ -5594,6 +6058,12 @@ static void rti_render_block(rti_render *r, const int box[4], int sample)
     float dx, dy;
     rti_subpixel(sample, r->spp, &dx, &dy);
     n = rti_look(r, box, dx, dy);
+#if RTI_SAMPLING
+    r->left = box[0];
+    r->top = box[1];
+    r->sample = (uint32_t)sample;
+    if (r->spread || r->lens.open || r->timed) rti_spread(r, n);
+#endif
     r->counts.primary += n;
     if (r->raster) {
         rt_hit *grid = (rt_hit *)(void *)r->waiting;        /* still empty, and larger */
@@ -5629,10 +6099,11 @@ static void *rti_carve(char **memory, size_t count, size_t size)
    next levels too. */
 #define RTI_WAITING(pixels) (3 * (pixels) + RT_MAX_DEPTH)
 
-/* Bytes that rti_render_blocks carves up, with 32 for the alignment of each of 13 arrays at most. */
+/* Bytes that rti_render_blocks carves up, with 32 for the alignment of each of 15 arrays at most. */
 #define RTI_BLOCK_BYTES(pixels) \
-    ((pixels) * (sizeof(rt_ray) + sizeof(rt_hit) + sizeof(rti_path) + sizeof(void *) + 2 * sizeof(rt_vec3) + 1 + 4 + RTI_LANE_COUNT * 4) + \
-     RTI_WAITING(pixels) * (sizeof(rt_ray) + sizeof(rti_path)) + 32 * 13)
+    ((pixels) * (sizeof(rt_ray) + sizeof(rt_hit) + sizeof(rti_path) + sizeof(void *) + 2 * sizeof(rt_vec3) + 1 + 4 + RTI_LANE_COUNT * 4 + \
+                 (RTI_SAMPLING ? 8 : 0)) + \
+     RTI_WAITING(pixels) * (sizeof(rt_ray) + sizeof(rti_path)) + 32 * 15)
 
 static void rti_render_blocks(rti_render *r, char *memory, const int tile[4], int width, rt_vec3 *pixels)
 {
@@ -5649,6 +6120,11 @@ static void rti_render_blocks(rti_render *r, char *memory, const int tile[4], in
     r->surfaces = (rti_surfaces *)rti_carve(&memory, count / RTI_ABREAST, sizeof *r->surfaces);
     memset(r->surfaces, 0, count / RTI_ABREAST * sizeof *r->surfaces);
     r->sums = (rt_vec3 *)rti_carve(&memory, count, sizeof *r->sums);
+#if RTI_SAMPLING
+    r->times = (float *)rti_carve(&memory, count, sizeof *r->times);
+    r->shares = (float *)rti_carve(&memory, count, sizeof *r->shares);
+    if (r->timed) r->job.times = r->times;
+#endif
     r->waiting_space = RTI_WAITING(count);
     r->waiting_rays = (rt_ray *)rti_carve(&memory, r->waiting_space, sizeof *r->waiting_rays);
     r->waiting = (rti_path *)rti_carve(&memory, r->waiting_space, sizeof *r->waiting);
@@ -5693,6 +6169,27 @@ static rt_status rti_scene_lacks(const rt_scene *scene, rt_error *error)
 static bool rti_is_amount(float x) { return x >= 0 && x <= FLT_MAX; }       /* false for NaN */
 static bool rti_are_amounts(rt_vec3 a) { return rti_is_amount(a.x) && rti_is_amount(a.y) && rti_is_amount(a.z); }
 
+#if RTI_SAMPLING
+static rt_status rti_check_light(const rt_light *light, size_t number, rt_error *error)
+{
+    const rt_vec3 a = light->edges[0], b = light->edges[1];
+    const float numbers[] = { a.x, a.y, a.z, b.x, b.y, b.z };
+    size_t k;
+    if (!(light->radius >= 0 && light->radius <= RT_MAX_COORDINATE))
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "light %lu: its radius is negative, not finite or too large", (unsigned long)number);
+    for (k = 0; k < 6; k++)
+        if (!rti_coordinate_ok(numbers[k]))
+            return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "light %lu: an edge is not finite or too large", (unsigned long)number);
+    if (!rti_has_edges(light)) return RT_OK;
+    if (light->radius > 0)
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "light %lu: it has a radius and edges; it can be a sphere or a rectangle",
+                        (unsigned long)number);
+    if (!(rti_largest(a) > 0 && rti_largest(b) > 0) || !(fabsf(rti_dot(rti_normalize(a), rti_normalize(b))) <= 1e-3f))
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "light %lu: its edges do not meet at right angles", (unsigned long)number);
+    return RT_OK;
+}
+#endif
+
 RT_API rt_status rt_check_scene(const rt_scene *scene, rt_error *error)
 {
     static const char *const names[] = { "diffuse", "specular", "emission", "reflect", "transmit", "absorb", "shininess", "ior" };
@@ -5711,12 +6208,19 @@ RT_API rt_status rt_check_scene(const rt_scene *scene, rt_error *error)
             if (!good[k])
                 return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "material %lu: %s is negative or not finite", (unsigned long)i,
                                 names[k]);
+#if RTI_SAMPLING
+        if (!(m->roughness >= 0 && m->roughness <= 1))
+            return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "material %lu: roughness does not lie between 0 and 1", (unsigned long)i);
+#endif
     }
     for (i = 0; i < scene->light_count; i++) {
         if (!(rti_largest(scene->lights[i].position) <= RT_MAX_COORDINATE) || scene->lights[i].position.y != scene->lights[i].position.y)
             return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "light %lu: its position is not finite or out of range", (unsigned long)i);
         if (!rti_are_amounts(scene->lights[i].color))
             return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "light %lu: its color is negative or not finite", (unsigned long)i);
+#if RTI_SAMPLING
+        if ((status = rti_check_light(&scene->lights[i], i, error)) != RT_OK) return status;
+#endif
     }
     if (!rti_are_amounts(scene->ambient) || !rti_are_amounts(scene->background))
         return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "%s is negative or not finite",
@@ -5734,6 +6238,46 @@ RT_API rt_status rt_check_scene(const rt_scene *scene, rt_error *error)
 #endif
     return RT_OK;
 }
+
+#if RTI_SAMPLING
+static rt_status rti_check_distribution(const rt_render_options *opt)
+{
+    const rt_lens *lens = &opt->lens;
+    if (!(lens->radius >= 0 && lens->radius <= RT_MAX_COORDINATE))
+        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "lens: radius is %g: it must lie between 0 (a pinhole) and %g",
+                        (double)lens->radius, (double)RT_MAX_COORDINATE);
+    if (!(lens->focus >= 0 && lens->focus <= RT_MAX_COORDINATE))
+        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "lens: focus is %g: it must lie between 0 (as deep as look) and %g",
+                        (double)lens->focus, (double)RT_MAX_COORDINATE);
+    if (!(lens->open >= 0 && lens->open <= lens->close && lens->close <= 1))
+        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "shutter: open is %g and close %g: they must be 0 <= open <= close <= 1",
+                        (double)lens->open, (double)lens->close);
+    if ((unsigned)opt->sampler >= RT_SAMPLER_COUNT)
+        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "sampler %d is none of rt_sampler_kind", (int)opt->sampler);
+    if ((unsigned)opt->filter >= RT_FILTER_COUNT)
+        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "filter %d is none of rt_filter", (int)opt->filter);
+    if (opt->raster && (lens->radius > 0 || lens->close > 0 || opt->sampler != RT_SAMPLER_AUTO || opt->filter != RT_FILTER_BOX))
+        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE,
+                        "raster is of a pinhole at time 0: lens and shutter must be 0, sampler auto and filter box");
+    return RT_OK;
+}
+
+static void rti_set_distribution(rti_render *r, const rt_scene *scene, const rt_render_options *opt)
+{
+    r->sampler.kind = opt->sampler;
+    r->sampler.spp = (uint32_t)r->spp;
+    r->sampler.seed = opt->seed;
+    r->sampler.frame = opt->frame;
+    r->filter = opt->filter;
+    r->spread = opt->sampler != RT_SAMPLER_AUTO || opt->filter != RT_FILTER_BOX;
+    r->lens = rti_make_aperture(&scene->camera, &r->view, &opt->lens);
+#if RTI_INSTANCES
+    r->timed = opt->lens.close > 0 && scene->accel->moves;
+#endif
+    r->open = opt->lens.open;
+    r->length = opt->lens.close - opt->lens.open;
+}
+#endif
 
 /* The kernels of the widest packets. */
 static void rti_choose_shaders(rti_render *r, rt_isa isa)
@@ -5774,6 +6318,9 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
                         opt->depth, RTI_DEPTH, RT_MAX_DEPTH);
     if (!(scene->camera.fov > 0 && scene->camera.fov < 180))
         return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "the camera's fov must lie between 0 and 180 degrees");
+#if RTI_SAMPLING
+    if ((status = rti_check_distribution(opt)) != RT_OK) return status;
+#endif
     if ((status = rti_scene_lacks(scene, opt->trace.error)) != RT_OK) return status;
     if (opt->raster && !rti_raster_fits(opt->raster, scene->geometry, &scene->camera, opt->width, opt->height))
         return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE,
@@ -5788,6 +6335,10 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
     r.view = rti_make_view(&scene->camera, opt->width, opt->height);
     r.spp = opt->spp ? opt->spp : 1;
     r.depth = opt->depth > 0 ? opt->depth : opt->depth ? 0 : RTI_DEPTH;
+    r.job.times = NULL;
+#if RTI_SAMPLING
+    rti_set_distribution(&r, scene, opt);
+#endif
     if (opt->trace.packet_width > RTI_BLOCK) rti_render_large(&r, tile, opt->width, pixels);
     else rti_render_small(&r, tile, opt->width, pixels);
     if (rays) {
@@ -9132,10 +9683,16 @@ RTI_NOINLINE RTI_TARGET void rti_finish(rti_surfaces *s, size_t count)
 }
 
 /* What one light does to each surface that it may reach. */
-RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, rt_vec3 light)
+RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec3 *light)
 {
-    const rti_v place[3] = { rti_vset(light.x), rti_vset(light.y), rti_vset(light.z) }, zero = rti_vset(0);
+    const rti_v zero = rti_vset(0);
+    rti_v place[3] = { zero, zero, zero };
     size_t at;
+    if (light) {
+        place[0] = rti_vset(light->x);
+        place[1] = rti_vset(light->y);
+        place[2] = rti_vset(light->z);
+    }
     for (at = 0; at < count; at += RTI_WIDTH) {
         float *const lanes = s[at / RTI_ABREAST].lanes + at % RTI_ABREAST;
         rti_v point[3], view[3], geometric[3], normal[3], to[3], cosine, mirrored;
@@ -9145,6 +9702,7 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, rt_vec3 ligh
         rti_vload3(lanes, RTI_VIEW, view);
         rti_vload3(lanes, RTI_GEOMETRIC, geometric);
         rti_vload3(lanes, RTI_NORMAL, normal);
+        if (!light) rti_vload3(lanes, RTI_TO_LIGHT, place);
         for (k = 0; k < 3; k++) to[k] = rti_vsub(place[k], point[k]);
         rti_vstore3(lanes, RTI_TO_LIGHT, to);
         rti_vunit(to);

@@ -610,6 +610,7 @@ static void sn_add_light(sn_builder *b, rt_vec3 position, rt_vec3 color)
     rt_light *light = (rt_light *)sn_add(b, &b->lights, sizeof *light, 1);
 
     if (!light) return;
+    memset(light, 0, sizeof *light);
     light->position = position;
     light->color = color;
 }
@@ -2291,6 +2292,7 @@ SCENE_API void scene_default_lights(const rt_camera *camera, rt_light lights[2])
     double right[3] = { 0, 0, 0 }, length = 1;
 
     if (sn_cross(&view, &camera->up, right)) length = sqrt(right[0] * right[0] + right[1] * right[1] + right[2] * right[2]);
+    memset(lights, 0, 2 * sizeof *lights);
     lights[0].position = sn_vec3((float)((double)camera->eye.x + distance * (0.25 * (double)camera->up.x / up - 0.3 * right[0] / length)),
                                  (float)((double)camera->eye.y + distance * (0.25 * (double)camera->up.y / up - 0.3 * right[1] / length)),
                                  (float)((double)camera->eye.z + distance * (0.25 * (double)camera->up.z / up - 0.3 * right[2] / length)));
