@@ -68,12 +68,24 @@ typedef struct {
     bool shiny;                             /* materials of .mtl files as if their illum asked for all secondary rays */
     point eye, look, up, light;
     float fov;                              /* 0: the scene's */
+    rt_lens lens;
+    rt_sampler_kind sampler;
+    rt_filter filter;
+    uint32_t frame, seed;
+    float light_radius, light_width, light_depth;           /* 0: points */
+    bool by_area;
+    float roughness;                        /* of all that mirrors or refracts; negative: as the scene has it */
+    rt_bounds bounds;                       /* of threaded trees */
+    int branching;
     bool quiet, help;
 } options;
 
 #define NAME_OF(name, text) text,
 static const char *const structure_names[] = { RT_STRUCTURE_LIST(NAME_OF) };
 static const char *const cull_names[] = { RT_CULL_LIST(NAME_OF) };
+static const char *const sampler_names[] = { RT_SAMPLER_LIST(NAME_OF) };
+static const char *const filter_names[] = { RT_FILTER_LIST(NAME_OF) };
+static const char *const bounds_names[] = { RT_BOUNDS_LIST(NAME_OF) };
 
 /* The place of text among names, or count. */
 static int find_name(const char *text, const char *const *names, int count)
@@ -125,6 +137,66 @@ static bool set_eye(options *o, const char *text)     { return read_point(text, 
 static bool set_look(options *o, const char *text)    { return read_point(text, &o->look); }
 static bool set_up(options *o, const char *text)      { return read_point(text, &o->up); }
 static bool set_light(options *o, const char *text)   { return read_point(text, &o->light); }
+static bool set_branching(options *o, const char *text) { return read_int(text, '\0', 2, RT_MAX_BRANCHING, &o->branching, NULL); }
+
+static bool read_length(const char *text, char end, float *value, const char **rest) { return read_float(text, end, value, rest) && *value >= 0; }
+
+static bool set_lens(options *o, const char *text)    { return read_length(text, '\0', &o->lens.radius, NULL); }
+static bool set_focus(options *o, const char *text)   { return read_length(text, '\0', &o->lens.focus, NULL) && o->lens.focus > 0; }
+static bool set_radius(options *o, const char *text)  { return read_length(text, '\0', &o->light_radius, NULL); }
+static bool set_roughness(options *o, const char *text) { return read_length(text, '\0', &o->roughness, NULL) && o->roughness <= 1; }
+
+static bool set_shutter(options *o, const char *text)
+{
+    return read_length(text, ',', &o->lens.open, &text) && read_length(text, '\0', &o->lens.close, NULL) && o->lens.open <= o->lens.close &&
+           o->lens.close <= 1;
+}
+
+static bool set_light_size(options *o, const char *text)
+{
+    return read_length(text, ',', &o->light_width, &text) && read_length(text, '\0', &o->light_depth, NULL) && o->light_width > 0 &&
+           o->light_depth > 0;
+}
+
+static bool set_light_points(options *o, const char *text)
+{
+    o->by_area = strcmp(text, "area") == 0;
+    return o->by_area || strcmp(text, "angle") == 0;
+}
+
+static bool set_sampler(options *o, const char *text)
+{
+    o->sampler = (rt_sampler_kind)find_name(text, sampler_names, RT_SAMPLER_COUNT);
+    return o->sampler != RT_SAMPLER_COUNT;
+}
+
+static bool set_filter(options *o, const char *text)
+{
+    o->filter = (rt_filter)find_name(text, filter_names, RT_FILTER_COUNT);
+    return o->filter != RT_FILTER_COUNT;
+}
+
+static bool set_bounds(options *o, const char *text)
+{
+    o->bounds = (rt_bounds)find_name(text, bounds_names, RT_BOUNDS_COUNT);
+    return o->bounds != RT_BOUNDS_COUNT;
+}
+
+/* A number of 32 bits. */
+static bool read_uint(const char *text, uint32_t *value)
+{
+    char *stop;
+    unsigned long long number;
+
+    errno = 0;
+    number = strtoull(text, &stop, 10);
+    if (text[0] < '0' || text[0] > '9' || *stop || errno != 0 || number > UINT32_MAX) return false;
+    *value = (uint32_t)number;
+    return true;
+}
+
+static bool set_frame(options *o, const char *text)   { return read_uint(text, &o->frame); }
+static bool set_seed(options *o, const char *text)    { return read_uint(text, &o->seed); }
 static bool set_quiet(options *o, const char *text)   { (void)text; o->quiet = true; return true; }
 static bool set_help(options *o, const char *text)    { (void)text; o->help = true; return true; }
 
@@ -200,13 +272,28 @@ static const struct {
     { "--up",        "X,Y,Z",    set_up,        "the direction that is up in the picture",           "three numbers: X,Y,Z" },
     { "--fov",       "DEGREES",  set_fov,       "the picture's vertical angle",                      "0.1 to 179 degrees" },
     { "--light",     "X,Y,Z",    set_light,     "one white light there instead of the scene's",      "three numbers: X,Y,Z" },
+    { "--lens",      "RADIUS",   set_lens,      "radius of the lens, in the scene's units (default 0: a pinhole)", "a number from 0 up" },
+    { "--focus",     "DEPTH",    set_focus,     "how deep is sharp (default: as deep as --look)",    "a number above 0" },
+    { "--shutter",   "T,T",      set_shutter,   "when it opens and closes (default 0,0)",            "two times, 0 <= open <= close <= 1" },
+    { "--sampler",   "NAME",     set_sampler,   "where samples lie (default auto)",                  "one of:" RT_SAMPLER_LIST(LISTED) },
+    { "--filter",    "NAME",     set_filter,    "how a pixel weighs them (default box)",             "one of:" RT_FILTER_LIST(LISTED) },
+    { "--frame",     "N",        set_frame,     "gives new noise (default 0)",                       "0 to 4294967295" },
+    { "--seed",      "N",        set_seed,      "gives other noise for the same frames (default 0)", "0 to 4294967295" },
+    { "--light-radius", "R",     set_radius,    "makes lights spheres (default 0: points)",          "a number from 0 up" },
+    { "--light-size", "X,Z",     set_light_size, "makes lights level rectangles",                    "two numbers above 0" },
+    { "--light-by",  "NAME",     set_light_points, "their points: evenly by the angle that is seen, or by area (default angle)",
+      "one of: angle area" },
+    { "--roughness", "R",        set_roughness, "of all that mirrors or refracts (default: the scene's)", "0 to 1" },
+    { "--bounds",    "NAME",     set_bounds,    "of threaded trees (default boxes)",                 "one of:" RT_BOUNDS_LIST(LISTED) },
+    { "--branching", "N",        set_branching, "most children of a node of threaded trees (default " TEXT(RTI_BRANCHING) ")",
+      "2 to " TEXT(RT_MAX_BRANCHING) },
     { "--quiet",     NULL,       set_quiet,     "print nothing but errors",                          NULL },
     { "--help",      NULL,       set_help,      "print this text",                                   NULL },
 };
 #define OPTION_COUNT (sizeof option_table / sizeof option_table[0])
 
 /* Command line names that are taken, for what is still to come. */
-static const char *const unbuilt_options[] = { "--sampler", "--time", "--error", "--report", "--gpu" };
+static const char *const unbuilt_options[] = { "--time", "--error", "--report", "--gpu" };
 #define UNBUILT_COUNT (sizeof unbuilt_options / sizeof unbuilt_options[0])
 
 /* Is argument "name" or "name=..."? */
@@ -268,7 +355,7 @@ static void print_help(void)
         for (k = 0; k < count && k < 16; k++) printf("%s%d", k ? ", " : ": ", widths[k]);
         puts(info->built ? "" : " - not built yet");
     }
-    printf("\nculling:" RT_CULL_LIST(LISTED) "\n");
+    printf("\nculling:" RT_CULL_LIST(LISTED) "\nsamplers:" RT_SAMPLER_LIST(LISTED) "\nfilters:" RT_FILTER_LIST(LISTED) "\n");
 }
 
 /* Completes the structure, and asks the library with an empty scene whether it can do what is wanted: before time goes into loading. */
@@ -453,6 +540,7 @@ static bool aim(const options *o, const scene *loaded, rt_scene *view, rt_light 
         x * (double)camera->up.y == y * (double)camera->up.x)
         return fail("the camera looks along its up direction: choose --up");
     if (o->light.given) {
+        memset(&lights[0], 0, sizeof lights[0]);
         lights[0].position = o->light.value;
         lights[0].color.x = lights[0].color.y = lights[0].color.z = 1;
         view->lights = lights;
@@ -463,6 +551,35 @@ static bool aim(const options *o, const scene *loaded, rt_scene *view, rt_light 
         view->light_count = 2;
     }
     return true;
+}
+
+/* Gives lights their size. */
+static bool spread_lights(const options *o, rt_light *lights, size_t count)
+{
+    size_t i;
+
+    if (o->light_radius > 0 && o->light_width > 0) return fail("--light-radius and --light-size: a light is a sphere or a rectangle");
+    for (i = 0; i < count; i++) {
+        lights[i].by_area = o->by_area;
+        if (o->light_radius > 0) lights[i].radius = o->light_radius;
+        if (o->light_width > 0) {
+            lights[i].edges[0].x = o->light_width;
+            lights[i].edges[1].z = o->light_depth;
+        }
+    }
+    return true;
+}
+
+/* Gives mirrors and glass that roughness. */
+static void roughen(rt_material *materials, size_t count, float roughness)
+{
+    size_t i;
+
+    for (i = 0; i < count; i++) {
+        const rt_vec3 a = materials[i].reflect, b = materials[i].transmit;
+
+        if (a.x > 0 || a.y > 0 || a.z > 0 || b.x > 0 || b.y > 0 || b.z > 0) materials[i].roughness = roughness;
+    }
 }
 
 /* ---- >>summary ------------------------------------------------------------------------------------------------------ */
@@ -585,6 +702,8 @@ static bool render(options *o)
 
     progress_line(&bar, "building ...");
     build.structure = o->structure;
+    build.bounds = o->bounds;
+    build.branching = o->branching;
     build.parallel_for = pool_for;
     build.parallel_user = workers;
     build.error = &error;
@@ -598,6 +717,8 @@ static bool render(options *o)
     view = scene_view(&loaded, accel);
     if (o->shiny) view.materials = loaded.shiny_materials;
     if (!aim(o, &loaded, &view, lights)) goto cleanup;
+    if (!spread_lights(o, view.lights == lights ? lights : loaded.lights, view.light_count)) goto cleanup;
+    if (o->roughness >= 0) roughen(o->shiny ? loaded.shiny_materials : loaded.materials, loaded.material_count, o->roughness);
     if (rt_check_scene(&view, &error) != RT_OK) { fail("%s: %s", o->scene_name, error.message); goto cleanup; }
     start = seconds_now();
     if (o->raster) {
@@ -614,6 +735,11 @@ static bool render(options *o)
     f.how.height = o->height;
     f.how.spp = o->spp;
     f.how.depth = o->depth ? o->depth : -1;
+    f.how.lens = o->lens;
+    f.how.sampler = o->sampler;
+    f.how.filter = o->filter;
+    f.how.frame = o->frame;
+    f.how.seed = o->seed;
     f.bar = &bar;
     status = render_frame(&f, workers);
     render_seconds = seconds_now() - f.start;
@@ -643,6 +769,7 @@ int main(int argc, char **argv)
     o.height = 600;
     o.spp = 4;
     o.depth = 5;
+    o.roughness = -1;
     o.structure = RT_STRUCTURE_COUNT;
     o.algorithm = rt_algorithm_get(0);
     if (!parse_options(&o, argc, argv)) return EXIT_FAILURE;
