@@ -4232,7 +4232,7 @@ typedef enum {
     RTI_VIEW      = 3,                      /* the ray's dir; then of unit length, towards where it came from */
     RTI_GEOMETRIC = 6,                      /* the surface's normal; then of unit length, on the viewer's side */
     RTI_NORMAL    = 9,                      /* the shading normal; then of unit length, on the side of the other */
-    RTI_OFFSET    = 12,                     /* the ray's t; then how far in front of the surface secondary rays start */
+    RTI_OFFSET    = 12,                     /* how large the numbers are that t was made of; then how far in front of the surface secondary rays start */
     RTI_TO_LIGHT  = 13,                     /* from there to the light */
     RTI_COSINE    = 16,                     /* of the shading normal and the light; 0 where that lies behind the surface */
     RTI_HIGHLIGHT = 17,                     /* of the mirrored light and the viewer */
@@ -4646,14 +4646,18 @@ RT_API void rt_sample_2d(const rt_sampler *sampler, uint32_t x, uint32_t y, uint
         const uint32_t hash = rti_hash_next(key, sample);
         point[0] = rti_unit_float(hash);
         point[1] = rti_unit_float(rti_hash_next(hash, 1));
-    } else if (sampler->kind == RT_SAMPLER_STRATIFIED) {        /* correlated multi-jittering (Kensler 2013): a column of the grid is shifted as a whole */
+    } else if (sampler->kind == RT_SAMPLER_STRATIFIED) {        /* multi-jittering (Chiu et al. 1994): each coordinate by itself is stratified n-fold too */
         const uint32_t hash = rti_hash_next(key, sample), s = rti_shuffle(sample % n, n, key);
-        uint32_t columns = 1, rows;
+        uint32_t columns = 1, rows, column, row, across;
         while ((columns + 1) * (columns + 1) <= n) columns++;
         rows = (n + columns - 1) / columns;
-        point[0] = ((float)rti_shuffle(s % columns, columns, key ^ 0x68bc21ebu) +
-                    ((float)rti_shuffle(s / columns, rows, key ^ 0x02e5be93u) + rti_unit_float(hash)) / (float)rows) / (float)columns;
-        point[1] = ((float)s + rti_unit_float(rti_hash_next(hash, 1))) / (float)n;
+        row = s / columns;
+        column = rti_shuffle(s % columns, columns, rti_hash_next(key, 5));
+        across = n - row * columns < columns ? n - row * columns : columns;     /* of the last row */
+        point[0] = ((float)column + ((float)rti_shuffle(row, rows, rti_hash_next(key, 6 + column)) + rti_unit_float(hash)) / (float)rows) /
+                   (float)columns;
+        point[1] = ((float)(row * columns + rti_shuffle(s % columns, across, rti_hash_next(key ^ 0x68bc21ebu, row))) +
+                    rti_unit_float(rti_hash_next(hash, 1))) / (float)n;
     } else {
         const uint32_t i = rti_owen(sample, key);
         point[0] = rti_unit_float(rti_owen(rti_reverse(i), rti_hash_next(key, 0)));
@@ -5448,8 +5452,8 @@ static const rt_material rti_grey = {       /* of scenes without materials */
 };
 
 /* Writes a surface's normals, of any length, and multiplies tint by its colours; answers its material. Of a hit on a
-   primitive of scene's own geometry, in its space. */
-RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *hit, rt_vec3 point, float *lanes, rt_vec3 *tint)
+   primitive of scene's own geometry, in its space, of which a length is up to stretch times as long in the world. */
+RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *hit, rt_vec3 point, float stretch, float *lanes, rt_vec3 *tint)
 {
     const rt_geometry *geo = scene->geometry;
     uint32_t id = hit->prim;                /* in material_ids, where instances have no place */
@@ -5458,7 +5462,9 @@ RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *h
         const uint32_t *v = geo->indices ? geo->indices + corner : NULL;
         const float *p = geo->vertices + (v ? v[0] : corner) * stride, *q = geo->vertices + (v ? v[1] : corner + 1) * stride;
         const float *r = geo->vertices + (v ? v[2] : corner + 2) * stride;
-        const rt_vec3 flat = rti_cross(rti_vec3(q[0] - p[0], q[1] - p[1], q[2] - p[2]), rti_vec3(r[0] - p[0], r[1] - p[1], r[2] - p[2]));
+        const rt_vec3 pq = rti_vec3(q[0] - p[0], q[1] - p[1], q[2] - p[2]), pr = rti_vec3(r[0] - p[0], r[1] - p[1], r[2] - p[2]);
+        const rt_vec3 flat = rti_cross(pq, pr);
+        lanes[RTI_OFFSET * RTI_ABREAST] += 0.1f * stretch * rti_maxf(rti_largest(pq), rti_largest(pr));      /* t errs by so much too */
         rti_put(lanes, RTI_GEOMETRIC, flat);
         rti_put(lanes, RTI_NORMAL, flat);
         if (scene->normals) {
@@ -5519,7 +5525,7 @@ RTI_NOINLINE const rt_material *rti_look_into(const rt_scene *scene, const rt_hi
         inst = inst - accel->instance_bases[number] - 1;
         accel = scene->accel;
     }
-    material = rti_look_up(scene, hit, rti_vertex(org), lanes, tint);
+    material = rti_look_up(scene, hit, rti_vertex(org), (float)rti_stretch(m), lanes, tint);
     rti_put(lanes, RTI_GEOMETRIC, rti_world_normal(inverse, rti_get(lanes, RTI_GEOMETRIC)));
     rti_put(lanes, RTI_NORMAL, rti_world_normal(inverse, rti_get(lanes, RTI_NORMAL)));
     return material;
@@ -5571,13 +5577,13 @@ static size_t rti_look_at(rti_render *r, size_t n, bool last)
         point = rti_add(ray->org, rti_scale(ray->dir, hit->t));
         rti_put(lanes, RTI_POINT, point);
         rti_put(lanes, RTI_VIEW, ray->dir);
-        lanes[RTI_OFFSET * RTI_ABREAST] = hit->t;
+        lanes[RTI_OFFSET * RTI_ABREAST] = hit->t * rti_largest(ray->dir) + rti_largest(point);
         *tint = path->weight;
 #if RTI_INSTANCES
         if (hit->inst != RT_NONE) material = rti_look_into(scene, hit, point, RTI_SAMPLING_OR(path->time, 0), lanes, tint);
         else
 #endif
-            material = rti_look_up(scene, hit, point, lanes, tint);
+            material = rti_look_up(scene, hit, point, 1, lanes, tint);
         r->materials[seen] = material;
         if (material != known) {
             known = material;
@@ -9658,15 +9664,13 @@ RTI_NOINLINE RTI_TARGET void rti_finish(rti_surfaces *s, size_t count)
     size_t at;
     for (at = 0; at < count; at += RTI_WIDTH) {
         float *const lanes = s[at / RTI_ABREAST].lanes + at % RTI_ABREAST;
-        rti_v point[3], view[3], geometric[3], normal[3], offset, reach, size;
+        rti_v point[3], view[3], geometric[3], normal[3], offset;
         int k;
         rti_vload3(lanes, RTI_POINT, point);
         rti_vload3(lanes, RTI_VIEW, view);
         rti_vload3(lanes, RTI_GEOMETRIC, geometric);
         rti_vload3(lanes, RTI_NORMAL, normal);
-        reach = rti_vmul(rti_vload(lanes + RTI_OFFSET * RTI_ABREAST), rti_vlargest(view));
-        size = rti_vadd(rti_vlargest(point), rti_vround(reach));
-        offset = rti_vmul(size, rti_vset(3e-6f));       /* some 50 rounding errors of the numbers that made point */
+        offset = rti_vmul(rti_vload(lanes + RTI_OFFSET * RTI_ABREAST), rti_vset(3e-6f));     /* some 50 rounding errors */
         for (k = 0; k < 3; k++) view[k] = rti_vsub(rti_vset(0), view[k]);
         rti_vunit(view);
         rti_vunit(geometric);

@@ -7390,6 +7390,686 @@ static void rtt_test_ground_raster(void)
     }
 }
 
+#define RTT_SAMPLING_HASH 0x1674b641u
+
+/* ---- >>sampling: numbers in [0,1), and what they estimate ----------------------------------------------------------- */
+
+static rt_sampler rtt_sampler(rt_sampler_kind kind, uint32_t spp)
+{
+    rt_sampler sampler;
+
+    memset(&sampler, 0, sizeof sampler);
+    sampler.kind = kind, sampler.spp = spp;
+    return sampler;
+}
+
+static const rt_sampler_kind rtt_samplers[] = { RT_SAMPLER_INDEPENDENT, RT_SAMPLER_STRATIFIED, RT_SAMPLER_SOBOL, RT_SAMPLER_AUTO };
+
+/* 65,536 samples of a pixel fall evenly into 16 x 16 fields, whatever the frame, the dimension and the seed. */
+static void rtt_test_sampling_uniform(void)
+{
+    static const uint32_t frames[] = { 0, 1, 0x7fffffff, 0x80000000, 0xffffffff };
+
+    for (size_t k = 0; k < RTT_COUNT(rtt_samplers); k++)
+        for (size_t f = 0; f < RTT_COUNT(frames); f++) {
+            rt_sampler sampler = rtt_sampler(rtt_samplers[k], 65536);
+            uint32_t counts[256] = { 0 }, flat[256] = { 0 };
+            double chi = 0, chi_flat = 0;
+
+            sampler.frame = frames[f], sampler.seed = (uint32_t)f * 77;
+            for (uint32_t i = 0; i < 65536; i++) {
+                float u[2], v = rt_sample_1d(&sampler, 3, 70000, i, 9);
+
+                rt_sample_2d(&sampler, 3, 70000, i, (uint32_t)f * 1000003, u);
+                CHECK(u[0] >= 0 && u[0] < 1 && u[1] >= 0 && u[1] < 1 && v >= 0 && v < 1);
+                counts[(int)(u[0] * 16) * 16 + (int)(u[1] * 16)]++;
+                flat[(int)(v * 256)]++;
+            }
+            for (int i = 0; i < 256; i++) {
+                chi += (counts[i] - 256.0) * (counts[i] - 256.0) / 256;
+                chi_flat += (flat[i] - 256.0) * (flat[i] - 256.0) / 256;
+            }
+            CHECK(chi < 255 + 5 * sqrt(2 * 255) && chi_flat < 255 + 5 * sqrt(2 * 255));
+            if (rtt_samplers[k] == RT_SAMPLER_INDEPENDENT)
+                CHECK(chi > 255 - 5 * sqrt(2 * 255));
+            else
+                CHECK(chi_flat == 0);
+        }
+}
+
+/* Sobol': each of n = 2^k samples in a cell of its own, for all 2^a x 2^b = n cells, and so each later block; stratified: one in each of n. */
+static void rtt_test_sampling_strata(void)
+{
+    static char taken[1024];
+
+    for (uint32_t round = 0; round < 6; round++) {
+        rt_sampler sampler = rtt_sampler(RT_SAMPLER_SOBOL, 0);
+
+        sampler.frame = round * 0x40000001u;
+        for (int k = 0; k <= 10; k++)
+            for (uint32_t block = 0; block < 4; block++)
+                for (int a = 0; a <= k; a++) {
+                    memset(taken, 0, sizeof taken);
+                    for (uint32_t i = block << k; i < (block + 1) << k; i++) {
+                        float u[2];
+                        size_t cell;
+
+                        rt_sample_2d(&sampler, round, 5, i, round * 31, u);
+                        cell = ((size_t)(u[0] * (float)(1 << a)) << (k - a)) + (size_t)(u[1] * (float)(1 << (k - a)));
+                        CHECK(!taken[cell]);
+                        taken[cell] = 1;
+                    }
+                }
+    }
+    for (uint32_t n = 1; n <= 1024; n = n < 70 ? n + 1 : 2 * n - 37) {
+        rt_sampler sampler = rtt_sampler(RT_SAMPLER_STRATIFIED, n);
+        uint32_t side = (uint32_t)sqrt((double)n);
+        char rows[1024] = { 0 }, line[1024] = { 0 };
+
+        memset(taken, 0, sizeof taken);
+        for (uint32_t i = 0; i < n; i++) {
+            float u[2], v = rt_sample_1d(&sampler, 8, n, i, 2);
+            size_t row, cell;
+
+            rt_sample_2d(&sampler, 8, n, i, 3, u);
+            row = (size_t)(u[1] * (float)n), cell = (size_t)(u[1] * (float)side) * side + (size_t)(u[0] * (float)side);
+            CHECK(row < n && !rows[row] && !line[(size_t)(v * (float)n)]);
+            rows[row] = line[(size_t)(v * (float)n)] = 1;
+            if (side * side == n) {
+                CHECK(!taken[cell]);
+                taken[cell] = 1;
+            }
+        }
+    }
+}
+
+/* Pixels, dimensions, frames and seeds do not know of each other. */
+static void rtt_test_sampling_independence(void)
+{
+    for (size_t k = 0; k < RTT_COUNT(rtt_samplers); k++)
+        for (int what = 0; what < 5; what++) {
+            double sum = 0;
+            const int n = 20000;
+
+            for (int i = 0; i < n; i++) {       /* first samples of pixels: within one they are stratified */
+                rt_sampler a = rtt_sampler(rtt_samplers[k], 16), b = a;
+                uint32_t x = (uint32_t)i * 5, y = (uint32_t)i / 100, d = 4;
+                float u[2], v[2];
+
+                b.frame += what == 2, b.seed += what == 3;
+                rt_sample_2d(&a, x, y, 0, d, u);
+                rt_sample_2d(&b, x + (what == 0), y + (what == 4), 0, d + (what == 1), v);
+                sum += (double)(u[0] - 0.5f) * (double)(v[0] - 0.5f) + (double)(u[1] - 0.5f) * (double)(v[1] - 0.5f);
+            }
+            CHECK(fabs(sum) < 5 * sqrt(2.0 * n) / 12);
+        }
+}
+
+/* Root of the mean squared error over many pixels of n samples' mean; of a smooth integrand, or of a disc. */
+static double rtt_sampling_error(rt_sampler_kind kind, uint32_t n, bool disc)
+{
+    rt_sampler sampler = rtt_sampler(kind, n);
+    double squares = 0;
+
+    for (uint32_t pixel = 0; pixel < 200; pixel++) {
+        double sum = 0, error;
+
+        for (uint32_t i = 0; i < n; i++) {
+            float u[2];
+
+            rt_sample_2d(&sampler, pixel, 1, i, 0, u);
+            sum += disc ? (double)(u[0] * u[0] + u[1] * u[1] < 1) : (double)(u[0] * u[1] * u[1] + u[0] * u[0]);
+        }
+        error = sum / n - (disc ? 0.78539816339744828 : 0.5);
+        squares += error * error;
+    }
+    return sqrt(squares / 200);
+}
+
+static void rtt_test_sampling_convergence(void)
+{
+    static const struct { rt_sampler_kind kind; double smooth, disc; } bounds[] = {     /* slopes must lie below */
+        { RT_SAMPLER_INDEPENDENT, -0.4, -0.4 }, { RT_SAMPLER_STRATIFIED, -0.85, -0.62 }, { RT_SAMPLER_SOBOL, -1.3, -0.68 }
+    };
+
+    for (size_t k = 0; k < RTT_COUNT(bounds); k++)
+        for (int disc = 0; disc < 2; disc++) {
+            double few = rtt_sampling_error(bounds[k].kind, 16, disc), many = rtt_sampling_error(bounds[k].kind, 1024, disc);
+            double slope = log(many / few) / log(64.0);
+
+            if (!(slope < (disc ? bounds[k].disc : bounds[k].smooth)))
+                rtt_fail("sampler %d, %s: slope %g", (int)bounds[k].kind, disc ? "disc" : "smooth", slope);
+            if (k == 0)
+                CHECK(slope > -0.6);
+        }
+}
+
+/* The numbers are part of the promise: pictures of the same frame and seed stay. */
+static void rtt_test_sampling_golden(void)
+{
+    uint32_t hash = 0;
+
+    for (size_t k = 0; k < 3; k++)
+        for (uint32_t i = 0; i < 2000; i++) {
+            rt_sampler sampler = rtt_sampler(rtt_samplers[k], 1 + i % 99);
+            float u[3];
+            uint32_t bits[3];
+
+            sampler.frame = i * 7, sampler.seed = i / 3;
+            rt_sample_2d(&sampler, i, i * i, i % 99, i % 13, u);
+            u[2] = rt_sample_1d(&sampler, i, i * i, i % 99, i % 13);
+            memcpy(bits, u, sizeof bits);
+            for (int b = 0; b < 3; b++)
+                hash = hash * 0x9e3779b1u + bits[b];
+        }
+    if (hash != RTT_SAMPLING_HASH)
+        rtt_fail("the numbers have changed: 0x%08xu", hash);
+}
+
+/* ---- >>distribution: each effect against its value ------------------------------------------------------------------ */
+
+typedef struct { double mean, error; } rtt_estimate;      /* error: deviation of the mean */
+
+static rtt_estimate rtt_estimate_of(const double *values, int count)
+{
+    rtt_estimate e = { 0, 0 };
+
+    for (int i = 0; i < count; i++)
+        e.mean += values[i] / count;
+    for (int i = 0; i < count; i++)
+        e.error += (values[i] - e.mean) * (values[i] - e.mean);
+    e.error = sqrt(e.error / (count - 1.0) / count);
+    return e;
+}
+
+/* Red of the mean pixel over some frames of a picture. */
+static rtt_estimate rtt_pixel(const rt_scene *seen, rt_render_options options, int x, int y, int frames)
+{
+    static rt_vec3 pixels[64 * 64];
+    double values[64];
+
+    for (int f = 0; f < frames; f++) {
+        options.frame = (uint32_t)f;
+        CHECK_STATUS(rt_render_tile(seen, &options, x, y, x + 1, y + 1, pixels, NULL), RT_OK);
+        values[f] = (double)pixels[y * options.width + x].x;
+    }
+    return rtt_estimate_of(values, frames);
+}
+
+static void rtt_close_to(const char *what, rtt_estimate e, double truth, double slack)
+{
+    if (!(fabs(e.mean - truth) <= 5 * e.error + slack))
+        rtt_fail("%s: %.6f +- %.6f instead of %.6f", what, e.mean, e.error, truth);
+}
+
+static void rtt_test_lobe(void)
+{
+    static const float roughness[] = { 1, 0.5f, 0.1f, 0.01f };
+    rt_sampler sampler = rtt_sampler(RT_SAMPLER_SOBOL, 0);
+    const rt_vec3 axis = rti_normalize(rtt_v(1, -2, 0.5f));
+
+    for (size_t r = 0; r < RTT_COUNT(roughness); r++) {
+        const float n = 2 / (roughness[r] * roughness[r]) - 2;
+        rt_vec3 mean = rtt_origin;
+
+        for (uint32_t i = 0; i < 16384; i++) {
+            float u[2];
+            rt_vec3 d;
+
+            rt_sample_2d(&sampler, 0, 0, i, 0, u);
+            d = rti_on_lobe(axis, n, u);
+            CHECK(fabsf(rti_dot(d, d) - 1) < 1e-5f);
+            mean = rtt_add(mean, rtt_mul(d, 1.0f / 16384));
+        }
+        CHECK(fabs((double)rti_dot(mean, axis) - (double)(n + 1) / (double)(n + 2)) < 2e-4);
+        mean = rti_sub(mean, rti_scale(axis, rti_dot(mean, axis)));
+        CHECK(rti_largest(mean) < 2e-3f);
+    }
+}
+
+/* What a light of one unit sends to the origin with a wall in the way that leaves z > tan * x free, times the cosine to +z, by quadrature over the light's
+   surface: of (cosine at the light) / distance^2, over the same without a wall. */
+static double rtt_light_quadrature(const rt_light *light, double slope, bool wall)
+{
+    const int n = 1500;
+    double sum = 0, all = 0;
+
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++) {
+            const double u = (i + 0.5) / n, v = (j + 0.5) / n;
+            double p[3], normal[3], r2, weight, cosine;
+
+            if (light->radius > 0) {
+                const double z = 1 - 2 * u, s = sqrt(1 - z * z), a = 6.283185307179586 * v;
+
+                normal[0] = s * cos(a), normal[1] = s * sin(a), normal[2] = z;
+                p[0] = (double)light->position.x + (double)light->radius * normal[0];
+                p[1] = (double)light->position.y + (double)light->radius * normal[1];
+                p[2] = (double)light->position.z + (double)light->radius * normal[2];
+            } else {
+                const rt_vec3 a = light->edges[0], b = light->edges[1], c = rti_normalize(rti_cross(a, b));
+
+                p[0] = (double)light->position.x + (u - 0.5) * (double)a.x + (v - 0.5) * (double)b.x;
+                p[1] = (double)light->position.y + (u - 0.5) * (double)a.y + (v - 0.5) * (double)b.y;
+                p[2] = (double)light->position.z + (u - 0.5) * (double)a.z + (v - 0.5) * (double)b.z;
+                normal[0] = (double)c.x, normal[1] = (double)c.y, normal[2] = (double)c.z;
+            }
+            r2 = p[0] * p[0] + p[1] * p[1] + p[2] * p[2];
+            weight = -(normal[0] * p[0] + normal[1] * p[1] + normal[2] * p[2]) / (r2 * sqrt(r2));
+            if (light->radius <= 0)
+                weight = fabs(weight);
+            else if (weight < 0)
+                weight = 0;
+            cosine = p[2] / sqrt(r2);
+            all += weight;
+            if (cosine > 0 && (!wall || p[2] > slope * p[0]))
+                sum += weight * cosine;
+        }
+    return sum / all;
+}
+
+static const rt_light rtt_area_lights[] = {
+    { .position = { 0.5f, 0.3f, 3 }, .color = { 1, 1, 1 }, .radius = 1 },
+    { .position = { 0.2f, 0.1f, 1.2f }, .color = { 1, 1, 1 }, .radius = 1.15f },
+    { .position = { 0, 2, 40 }, .color = { 1, 1, 1 }, .radius = 0.05f },
+    { .position = { 0.4f, 0, 2 }, .color = { 1, 1, 1 }, .edges = { { 1, 0, 0 }, { 0, 2, 0 } } },
+    { .position = { 0.4f, 0.5f, 1 }, .color = { 1, 1, 1 }, .edges = { { 0, 1, 1 }, { 0.5f, 1, -1 } } },
+    { .position = { -1, 0, 0.4f }, .color = { 1, 1, 1 }, .edges = { { 4, 0, 0 }, { 0, 3, 0 } } },
+    { .position = { 3, 1, 90 }, .color = { 1, 1, 1 }, .edges = { { 0.02f, 0, 0 }, { 0, 0.01f, 0 } } },
+};
+
+/* Both ways to choose points tend to the same light, that of quadrature; so does what is seen past a wall: its penumbra. */
+static void rtt_test_area_lights(void)
+{
+    for (size_t l = 0; l < RTT_COUNT(rtt_area_lights); l++)
+        for (int by_area = 0; by_area < 2; by_area++)
+            for (int wall = 0; wall < 2; wall++) {
+                rt_light light = rtt_area_lights[l];
+                double slope = wall ? (double)light.position.z / ((double)light.position.x + 0.1) : 0, values[16];
+                rt_sampler sampler = rtt_sampler(RT_SAMPLER_SOBOL, 0);
+
+                if (light.edges[0].z != 0)      /* not at right angles as written: turn the second */
+                    light.edges[1] = rti_scale(rti_cross(rti_cross(light.edges[0], light.edges[1]), light.edges[0]), 0.5f);
+                light.by_area = by_area;
+                CHECK_STATUS(rti_check_light(&light, 0, NULL), RT_OK);
+                for (int f = 0; f < 16; f++) {
+                    values[f] = 0;
+                    sampler.frame = (uint32_t)f;
+                    for (uint32_t i = 0; i < 4096; i++) {
+                        float u[2], share;
+                        rt_vec3 to;
+
+                        rt_sample_2d(&sampler, 0, 0, i, 0, u);
+                        to = light.radius > 0 ? rti_on_sphere(&light, rtt_origin, u, &share) : rti_on_rectangle(&light, rtt_origin, u, &share);
+                        if (!wall || (double)to.z > slope * (double)to.x)
+                            values[f] += (double)(rti_positive(rti_normalize(to).z) * share) / 4096;
+                    }
+                }
+                rtt_close_to("a light", rtt_estimate_of(values, 16), rtt_light_quadrature(&light, slope, wall), 1e-3);
+            }
+}
+
+/* The same through the renderer: the pixel of a floor, a wall's edge overhead. */
+static void rtt_test_penumbra(void)
+{
+    static const rt_sampler_kind kinds[] = { RT_SAMPLER_INDEPENDENT, RT_SAMPLER_STRATIFIED, RT_SAMPLER_AUTO };
+
+    for (size_t l = 0; l < 5; l++)
+        for (int at = -1; at <= 1 && l != 2 && l != 4; at++) {          /* 2 and 4 stand where no such wall parts them */
+            rtt_stage stage;
+            rt_render_options options;
+            double truth, slope;
+
+            memset(&stage, 0, sizeof stage);
+            stage.materials[0] = rtt_material(rtt_gray(1), rtt_gray(0), rtt_gray(0), rtt_gray(0), 0, false);
+            stage.light = rtt_area_lights[l];
+            slope = (double)stage.light.position.z / ((double)stage.light.position.x + 0.1 * at);
+            rtt_stage_quad(&stage, rtt_v(-5, -5, 0), rtt_v(10, 0, 0), rtt_v(0, 10, 0), 0);
+            rtt_stage_quad(&stage, rtt_v((float)(0.02 / slope), -50, 0.02f), rtt_v(50, 0, 0), rtt_v(0, 100, 0), 0);      /* free: z > slope x */
+            rtt_stage_build(&stage);
+            stage.scene.light_count = 1;
+            stage.scene.camera = (rt_camera){ { -0.01f, 0, 0.01f }, { 0, 0, 0 }, { 0, 1, 0 }, 0.001f };
+            memset(&options, 0, sizeof options);
+            options.width = options.height = 1;
+            options.spp = 1024;
+            truth = rtt_light_quadrature(&stage.light, slope, true);
+            CHECK(truth > 0.03 && truth < 0.97);
+            for (size_t k = 0; k < RTT_COUNT(kinds); k++) {
+                options.sampler = kinds[k];
+                rtt_close_to(l == 0 ? "penumbra 0" : l == 1 ? "penumbra 1" : l == 2 ? "penumbra 2" : "penumbra 3", rtt_pixel(&stage.scene, options, 0, 0, 24), truth, 1e-3);
+            }
+            rtt_stage_free(&stage);
+        }
+}
+
+/* A glowing half plane covers a part of the pixel: the filter's integral up to its edge. */
+static void rtt_test_coverage(void)
+{
+    for (int filter = 0; filter < RT_FILTER_COUNT; filter++)
+        for (int kind = 0; kind < RT_SAMPLER_COUNT; kind++)
+            for (int e = -4; e <= 4; e++) {
+                const double x = 0.3 * e, cut = erf(3 / sqrt(2.0));         /* the edge, in pixels from the middle */
+                double truth = x < -0.5 ? 0 : x > 0.5 ? 1 : x + 0.5;
+                rtt_stage stage;
+                rt_render_options options;
+
+                if (filter == RT_FILTER_TENT)
+                    truth = x < -1 ? 0 : x > 1 ? 1 : x < 0 ? (1 + x) * (1 + x) / 2 : 1 - (1 - x) * (1 - x) / 2;
+                if (filter == RT_FILTER_GAUSSIAN)
+                    truth = 0.5 + 0.5 * erf(x * sqrt(2.0)) / cut;
+                memset(&stage, 0, sizeof stage);
+                stage.materials[0] = rtt_material(rtt_gray(0), rtt_gray(1), rtt_gray(0), rtt_gray(0), 0, false);
+                rtt_stage_quad(&stage, rtt_v((float)(x / 10 - 9), -9, 0), rtt_v(9, 0, 0), rtt_v(0, 18, 0), 0);
+                rtt_stage_build(&stage);
+                stage.scene.camera = (rt_camera){ { 0, 0, 1 }, { 0, 0, 0 }, { 0, 1, 0 }, 2 * 26.565051f };    /* 10 pixels: one is 0.1 wide */
+                stage.scene.camera.eye.x = stage.scene.camera.look.x = -0.05f;          /* pixel (5, 5) has its middle at 0 */
+                memset(&options, 0, sizeof options);
+                options.width = options.height = 10;
+                options.spp = kind == RT_SAMPLER_AUTO && filter == RT_FILTER_BOX ? 4096 : 256;
+                options.sampler = (rt_sampler_kind)kind, options.filter = (rt_filter)filter;
+                rtt_close_to(e < 0 ? "coverage left" : "coverage", rtt_pixel(&stage.scene, options, 5, 5, 16), truth,
+                             kind == RT_SAMPLER_AUTO && filter == RT_FILTER_BOX ? 1.0 / 64 : 5e-3);
+                rtt_stage_free(&stage);
+            }
+}
+
+/* First and second moments of the brightness of a picture, in pixels from its middle. */
+typedef struct { double sum, x, xx, y, yy, farthest; } rtt_moments;
+
+static rtt_moments rtt_moments_of(const rt_vec3 *pixels, int side)
+{
+    rtt_moments m = { 0, 0, 0, 0, 0, 0 };
+
+    for (int i = 0; i < side * side; i++) {
+        const double x = i % side + 0.5 - side / 2.0, y = i / side + 0.5 - side / 2.0, w = (double)pixels[i].x;
+
+        m.sum += w, m.x += w * x, m.xx += w * x * x, m.y += w * y, m.yy += w * y * y;
+        if (w > 0 && sqrt(x * x + y * y) > m.farthest)
+            m.farthest = sqrt(x * x + y * y);
+    }
+    m.x /= m.sum, m.xx /= m.sum, m.y /= m.sum, m.yy /= m.sum;
+    return m;
+}
+
+/* A small ball out of focus is seen as a disc: of radius lens * |1 - focus / depth| in the plane of focus, as bright all over. */
+static void rtt_test_confusion(void)
+{
+    enum { SIDE = 48 };
+    static rt_vec3 pixels[SIDE * SIDE];
+    static const float depths[] = { 2.2f, 8 };
+
+    for (size_t d = 0; d < RTT_COUNT(depths); d++) {
+        const float focus = 4, lens = 0.6f, step = 2 * 0.25f / SIDE;        /* of a pixel, at depth 1 */
+        const double circle = (double)(lens * fabsf(1 - focus / depths[d]) / focus / step), ball = 0.03 / (double)depths[d] / (double)step;
+        rtt_stage stage;
+        rt_render_options options;
+        rtt_moments sharp, blurred;
+
+        memset(&stage, 0, sizeof stage);
+        stage.materials[0] = rtt_material(rtt_gray(0), rtt_gray(1), rtt_gray(0), rtt_gray(0), 0, false);
+        rtt_ball(&stage.model, rtt_v(0, 0, -depths[d]), 0.03f);
+        rtt_stage_build(&stage);
+        stage.scene.camera = (rt_camera){ { 0, 0, 0 }, { 0, 0, -1 }, { 0, 1, 0 }, 2 * 14.0362435f };
+        memset(&options, 0, sizeof options);
+        options.width = options.height = SIDE;
+        options.spp = 2048;
+        options.sampler = RT_SAMPLER_SOBOL;
+        CHECK_STATUS(rt_render_tile(&stage.scene, &options, 0, 0, SIDE, SIDE, pixels, NULL), RT_OK);
+        sharp = rtt_moments_of(pixels, SIDE);
+        options.lens.radius = lens, options.lens.focus = focus;
+        CHECK_STATUS(rt_render_tile(&stage.scene, &options, 0, 0, SIDE, SIDE, pixels, NULL), RT_OK);
+        blurred = rtt_moments_of(pixels, SIDE);
+        CHECK(circle > 4 && circle < 28);
+        CHECK(fabs(blurred.sum / sharp.sum - 1) < 0.03 && fabs(blurred.x) < 0.3 && fabs(blurred.y) < 0.3);
+        CHECK(fabs((blurred.xx + blurred.yy - sharp.xx - sharp.yy) / (circle * circle / 2) - 1) < 0.05);
+        CHECK(blurred.farthest < circle + ball + 1.5 && blurred.farthest > circle - 1.5);
+        CHECK(fabs(blurred.xx / blurred.yy - 1) < 0.05);
+        options.lens.focus = depths[d];     /* in focus: as through the pinhole */
+        CHECK_STATUS(rt_render_tile(&stage.scene, &options, 0, 0, SIDE, SIDE, pixels, NULL), RT_OK);
+        blurred = rtt_moments_of(pixels, SIDE);
+        CHECK(fabs(blurred.xx - sharp.xx) < 0.3 && blurred.farthest < ball + 2);
+        rtt_stage_free(&stage);
+    }
+    {
+        const rt_camera camera = { { 1, 2, 3 }, { 4, 0, 1 }, { 0, 1, 0 }, 50 };
+        const rt_lens lens = { 0.5f, 7, 0, 0 };
+        const rt_ray pinhole = rt_camera_ray(&camera, 10, 30, 80, 60);
+
+        for (int i = 0; i < 100; i++) {
+            const float u[2] = { (float)(i % 10) / 10, (float)(i / 10) / 10 };
+            const rt_ray ray = rt_lens_ray(&camera, &lens, 10, 30, 80, 60, u);
+            const rt_vec3 off = rti_sub(ray.org, camera.eye);
+            const rt_vec3 meet = rti_sub(rti_add(ray.org, rti_scale(ray.dir, 7)), rti_add(pinhole.org, rti_scale(pinhole.dir, 7)));
+
+            CHECK(rti_largest(meet) < 1e-5f && rti_dot(off, off) < 0.2501f && fabsf(rti_dot(off, rti_normalize(rti_sub(camera.look, camera.eye)))) < 1e-5f);
+        }
+    }
+}
+
+/* A ball that moves while the shutter is open leaves a streak, from where it was to where it comes, as bright all along. */
+static void rtt_test_streak(void)
+{
+    enum { SIDE = 64 };
+    static rt_vec3 pixels[SIDE * SIDE];
+
+    for (int turn = 0; turn < 2; turn++) {
+        const float open = 0.25f, close = 0.75f;
+        rtt_model child = { 0 };
+        rt_scene part;
+        rt_geometry inner;
+        rtt_stage stage;
+        rt_render_options options;
+        const rt_scene *parts[1] = { &part };
+        rtt_moments still, streak;
+
+        memset(&stage, 0, sizeof stage);
+        memset(&part, 0, sizeof part);
+        stage.materials[0] = rtt_material(rtt_gray(0), rtt_gray(1), rtt_gray(0), rtt_gray(0), 0, false);
+        rtt_ball(&child, turn ? rtt_v(20, 0, 0) : rtt_origin, 1);
+        rtt_place(&stage.model, &child, rtt_v(1, 1, 1), turn ? rtt_origin : rtt_v(-20, 0, 0));
+        if (turn)                           /* a quarter of a circle while it is open, from the right (at its start) to the top */
+            rtt_set_motion(&stage.model, rtt_origin, rtt_origin, rtt_v(0, 0, 5), 3.14159265f);
+        else
+            rtt_set_motion(&stage.model, rtt_v(40, 0, 0), rtt_origin, rtt_origin, 0);
+        inner = rtt_geometry(&child);
+        part.accel = child.accel, part.geometry = &inner;
+        part.materials = stage.materials, part.material_count = 1;
+        stage.scene.parts = parts;
+        rtt_stage_build(&stage);
+        stage.scene.camera = (rt_camera){ { 0, 0, 1e4f }, { 0, 0, 0 }, { 0, 1, 0 }, 2 * 0.18334617f };     /* a pixel is one unit */
+        memset(&options, 0, sizeof options);
+        options.width = options.height = SIDE;
+        options.spp = 1024;
+        options.lens.open = options.lens.close = 0.5f;      /* shut at once: sharp, in the middle of the way */
+        CHECK_STATUS(rt_render_tile(&stage.scene, &options, 0, 0, SIDE, SIDE, pixels, NULL), RT_OK);
+        still = rtt_moments_of(pixels, SIDE);
+        options.lens.open = open, options.lens.close = close;
+        CHECK_STATUS(rt_render_tile(&stage.scene, &options, 0, 0, SIDE, SIDE, pixels, NULL), RT_OK);
+        streak = rtt_moments_of(pixels, SIDE);
+        CHECK(fabs(streak.sum / still.sum - 1) < 0.03);
+        if (turn) {                         /* between 45 and 135 degrees: means of the cosine 0, of the sine 2 sqrt 2 / pi */
+            CHECK(fabs(still.x) < 0.1 && fabs(still.y + 20) < 0.1);
+            CHECK(fabs(streak.x) < 0.15 && fabs(streak.y + 20 * 0.9003163) < 0.15);
+            CHECK(fabs(streak.xx - still.xx - 400 * (0.5 - 1 / 3.14159265)) < 1.5);     /* of the squared cosine: 1/2 - 1/pi */
+        } else {
+            CHECK(fabs(still.x) < 0.1 && fabs(still.y) < 0.1 && fabs(streak.x) < 0.1 && fabs(streak.y) < 0.1);
+            CHECK(fabs(streak.xx - still.xx - 400.0 / 12) < 1 && fabs(streak.yy - still.yy) < 0.1);      /* 20 long */
+            CHECK(streak.farthest < 12 && streak.farthest > 10);
+        }
+        rtt_stage_free(&stage);
+        rtt_model_free(&child);
+    }
+}
+
+/* Everything at once: the same picture from every algorithm, packet, tile and block; another frame or seed is another. */
+static void rtt_test_distribution_ways(void)
+{
+    enum { WIDTH = 33, HEIGHT = 29, PIXELS = WIDTH * HEIGHT };
+    static const int sides[] = { 16, 9, 64 };
+    static rt_vec3 want[PIXELS], got[PIXELS];
+    rtt_model child = { 0 };
+    rtt_stage stage;
+    rtt_accels accels;
+    rt_scene part;
+    rt_geometry inner;
+    const rt_scene *parts[2] = { &part, &part };
+    rt_light lights[3];
+    rt_render_options options;
+
+    memset(&stage, 0, sizeof stage);
+    memset(&part, 0, sizeof part);
+    memset(lights, 0, sizeof lights);
+    stage.materials[0] = rtt_material(rtt_v(0.6f, 0.5f, 0.4f), rtt_gray(0), rtt_gray(0.2f), rtt_gray(0), 0, false);
+    stage.materials[1] = rtt_glass(1.5f, true);
+    stage.materials[2] = rtt_mirror(0.8f, 0);
+    stage.materials[0].roughness = 0.5f, stage.materials[1].roughness = 0.2f, stage.materials[2].roughness = 1;
+    rtt_ground(&stage.model, rtt_origin, rtt_v(0, 1, 0), 6);
+    for (uint32_t i = 0; i < 3; i++) {
+        rtt_ball(&stage.model, rtt_v((float)i - 0.8f, 0.7f, 1.5f - 0.7f * (float)i), 0.6f);
+        stage.ids[i] = i;
+    }
+    rtt_ball(&child, rtt_origin, 0.4f);
+    for (int i = 0; i < 2; i++) {
+        rtt_place(&stage.model, &child, rtt_v(1, 1.5f, 1), rtt_v(i ? 1.5f : -1.5f, 1.6f, 0));
+        rtt_set_motion(&stage.model, rtt_v(0.3f, 0, 0), rtt_origin, rtt_v(0, 1, 1), i ? 1.0f : 0);
+    }
+    inner = rtt_geometry(&child);
+    part.accel = child.accel, part.geometry = &inner, part.materials = &stage.materials[1], part.material_count = 1;
+    stage.scene.parts = parts;
+    rtt_stage_build(&stage);
+    lights[0].position = rtt_v(3, 8, 5), lights[0].radius = 1;
+    lights[1].position = rtt_v(-3, 6, 5), lights[1].edges[0] = rtt_v(1, 0, 0), lights[1].edges[1] = rtt_v(0, 1, 0);
+    lights[2].position = rtt_v(0, 6, 0);
+    for (int i = 0; i < 3; i++)
+        lights[i].color = rtt_gray(0.4f);
+    stage.scene.lights = lights, stage.scene.light_count = 3;
+    CHECK_STATUS(rt_check_scene(&stage.scene, NULL), RT_OK);
+    stage.scene.ambient = rtt_gray(0.2f), stage.scene.background = rtt_v(0.3f, 0.5f, 0.8f);
+    stage.scene.camera = (rt_camera){ { 1, 3, 6 }, { 0, 0.7f, 0 }, { 0, 1, 0 }, 45 };
+    memset(&options, 0, sizeof options);
+    options.width = WIDTH, options.height = HEIGHT, options.spp = 3, options.depth = 4;
+    options.sampler = RT_SAMPLER_SOBOL, options.filter = RT_FILTER_GAUSSIAN, options.frame = 0x7fffffff;
+    options.lens.radius = 0.1f, options.lens.close = 0.5f;
+    CHECK_STATUS(rt_render_tile(&stage.scene, &options, 0, 0, WIDTH, HEIGHT, want, NULL), RT_OK);
+    if (!rtt_accels_build(&accels, &stage.model))
+        rtt_die("a stage does not build");
+    for (size_t w = 0; w < rtt_way_count; w += rtt_ways[w].large ? 5 : 1) {
+        const int side = sides[w % RTT_COUNT(sides)];
+
+        memset(got, 0xff, sizeof got);
+        options.trace = rtt_ways[w].options;
+        stage.scene.accel = rtt_accels_for(&accels, &rtt_ways[w]);
+        for (int y = 0; y < HEIGHT; y += side)
+            for (int x = 0; x < WIDTH; x += side)
+                CHECK_STATUS(rt_render_tile(&stage.scene, &options, x, y, x + side < WIDTH ? x + side : WIDTH,
+                                            y + side < HEIGHT ? y + side : HEIGHT, got, NULL), RT_OK);
+        if (memcmp(want, got, sizeof want) != 0)
+            rtt_fail("%s, tiles of %d pixels: another picture", rtt_ways[w].label, side);
+    }
+    memset(&options.trace, 0, sizeof options.trace);
+    options.frame = 0x80000000;
+    CHECK_STATUS(rt_render_tile(&stage.scene, &options, 0, 0, WIDTH, HEIGHT, got, NULL), RT_OK);
+    CHECK(memcmp(want, got, sizeof want) != 0);
+    options.frame = 0x7fffffff, options.seed = 1;
+    CHECK_STATUS(rt_render_tile(&stage.scene, &options, 0, 0, WIDTH, HEIGHT, got, NULL), RT_OK);
+    CHECK(memcmp(want, got, sizeof want) != 0);
+    stage.scene.accel = stage.accel;
+    rtt_accels_free(&accels);
+    rtt_stage_free(&stage);
+    rtt_model_free(&child);
+}
+
+/* A point of a large triangle near the origin, seen from near: t errs by the triangle's size, and no shadow of its own may fall on it. */
+static void rtt_test_large_triangles(void)
+{
+    static rt_vec3 pixels[32 * 32];
+    static const float sizes[] = { 5, 500, 5e5f };
+
+    for (size_t i = 0; i < RTT_COUNT(sizes); i++) {
+        rtt_stage stage;
+        rt_render_options options;
+
+        memset(&stage, 0, sizeof stage);
+        stage.materials[0] = rtt_material(rtt_gray(1), rtt_gray(0), rtt_gray(0), rtt_gray(0), 0, false);
+        rtt_stage_quad(&stage, rtt_v(-sizes[i], -sizes[i], 0), rtt_v(2 * sizes[i], 0, 0), rtt_v(0, 2 * sizes[i], 0), 0);
+        rtt_stage_build(&stage);
+        stage.light.position = rtt_v(0.5f, 0.3f, 3), stage.light.color = rtt_gray(1);
+        stage.scene.light_count = 1;
+        stage.scene.camera = (rt_camera){ { -0.01f, 0, 0.01f }, { 0, 0, 0 }, { 0, 1, 0 }, 1 };
+        memset(&options, 0, sizeof options);
+        options.width = options.height = 32;
+        CHECK_STATUS(rt_render_tile(&stage.scene, &options, 0, 0, 32, 32, pixels, NULL), RT_OK);
+        for (int k = 0; k < 32 * 32; k++)
+            CHECK(pixels[k].x > 0.95f);
+        rtt_stage_free(&stage);
+    }
+}
+
+static void rtt_test_distribution_errors(void)
+{
+    static const struct { size_t at; float value; const char *word; } bad[] = {
+        { offsetof(rt_render_options, lens.radius), -1, "radius" },  { offsetof(rt_render_options, lens.radius), NAN, "radius" },
+        { offsetof(rt_render_options, lens.focus), INFINITY, "focus" }, { offsetof(rt_render_options, lens.focus), -2, "focus" },
+        { offsetof(rt_render_options, lens.open), 0.5f, "shutter" }, { offsetof(rt_render_options, lens.close), 1.5f, "shutter" },
+        { offsetof(rt_render_options, lens.open), -0.1f, "shutter" }, { offsetof(rt_render_options, lens.close), NAN, "shutter" },
+        { offsetof(rt_render_options, sampler), 1e9f, "sampler" }, { offsetof(rt_render_options, filter), 1e9f, "filter" },
+    };
+    rt_vec3 pixels[4], untouched[4];
+    rtt_stage stage;
+    rt_error error;
+    rt_raster *raster;
+
+    memset(&stage, 0, sizeof stage);
+    rtt_stage_quad(&stage, rtt_v(-1, 0, -1), rtt_v(0, 0, 2), rtt_v(2, 0, 0), 1);
+    rtt_stage_build(&stage);
+    stage.scene.camera = (rt_camera){ { 0, 3, 6 }, { 0, 0, 0 }, { 0, 1, 0 }, 45 };
+    memset(pixels, 0xcc, sizeof pixels);
+    memset(untouched, 0xcc, sizeof untouched);
+    for (size_t i = 0; i <= RTT_COUNT(bad); i++) {
+        rt_render_options options;
+
+        memset(&options, 0, sizeof options);
+        memset(&error, 0, sizeof error);
+        options.width = options.height = 2;
+        options.trace.error = &error;
+        if (i < RTT_COUNT(bad))
+            memcpy((char *)&options + bad[i].at, &bad[i].value, sizeof(float));
+        else
+            options.spp = RT_MAX_SPP + 1;
+        CHECK_STATUS(rt_render_tile(&stage.scene, &options, 0, 0, 2, 2, pixels, NULL), RT_ERROR_ARGUMENT);
+        CHECK(strstr(error.message, i < RTT_COUNT(bad) ? bad[i].word : "spp") && memcmp(pixels, untouched, sizeof pixels) == 0);
+    }
+    CHECK_STATUS(rt_raster_create(&raster, &stage.geometry, &stage.scene.camera, 2, 2, NULL), RT_OK);
+    for (int i = 0; i < 5; i++) {
+        rt_render_options options;
+
+        memset(&options, 0, sizeof options);
+        options.width = options.height = 2;
+        options.raster = raster;
+        options.trace.error = &error;
+        options.lens.radius = i == 1, options.lens.close = i == 2;
+        options.sampler = i == 3 ? RT_SAMPLER_SOBOL : RT_SAMPLER_AUTO, options.filter = i == 4 ? RT_FILTER_TENT : RT_FILTER_BOX;
+        CHECK_STATUS(rt_render_tile(&stage.scene, &options, 0, 0, 2, 2, pixels, NULL), i ? RT_ERROR_ARGUMENT : RT_OK);
+    }
+    rt_raster_free(raster);
+    for (int i = 0; i < 7; i++) {
+        static const char *const words[] = { "radius", "radius", "edge", "radius and edges", "right angles", "right angles", "roughness" };
+        rt_light light;
+
+        memset(&light, 0, sizeof light);
+        light.radius = i == 0 ? -1 : i == 1 ? NAN : i == 3 ? 1.0f : 0;
+        light.edges[0].x = i == 2 ? INFINITY : i >= 3 && i < 6 ? 1.0f : 0;
+        light.edges[1].y = i == 3 ? 1.0f : 0;
+        light.edges[1].x = i == 4;
+        stage.materials[0].roughness = i == 6 ? 1.5f : 0;
+        stage.light = light;
+        stage.scene.light_count = 1;
+        CHECK_STATUS(rt_check_scene(&stage.scene, &error), RT_ERROR_ARGUMENT);
+        CHECK(strstr(error.message, words[i]) != NULL);
+    }
+    rtt_stage_free(&stage);
+}
+
 /* ---- >>main ----------------------------------------------------------------------------------------------------------- */
 
 static const rtt_test rtt_tests[] = {
@@ -7467,6 +8147,20 @@ static const rtt_test rtt_tests[] = {
 #endif
     { "threads", rtt_test_threads },
 #ifndef RT_NO_SHADING
+    { "sampling.uniform", rtt_test_sampling_uniform },
+    { "sampling.strata", rtt_test_sampling_strata },
+    { "sampling.independence", rtt_test_sampling_independence },
+    { "sampling.convergence", rtt_test_sampling_convergence },
+    { "sampling.golden", rtt_test_sampling_golden },
+    { "distribution.lobe", rtt_test_lobe },
+    { "distribution.lights", rtt_test_area_lights },
+    { "distribution.penumbra", rtt_test_penumbra },
+    { "distribution.coverage", rtt_test_coverage },
+    { "distribution.confusion", rtt_test_confusion },
+    { "distribution.streak", rtt_test_streak },
+    { "distribution.ways", rtt_test_distribution_ways },
+    { "distribution.errors", rtt_test_distribution_errors },
+    { "shading.large-triangles", rtt_test_large_triangles },
     { "shading.camera", rtt_test_camera },
     { "shading.render", rtt_test_render },
     { "shading.instances", rtt_test_render_instances },
