@@ -27,7 +27,7 @@
                        >>camera-api           >>raster-api           >>texture-api       >>shading-api
        implementation  >>platform >>memory    >>math     >>layout    >>instance >>validate >>refs    >>bins    >>bvh
                        >>kdtree   >>slots     >>threaded >>build-any >>refit    >>info      >>ray      >>tiles    >>surfaces >>passes
-                       >>algorithms >>public  >>sampling >>camera   >>raster   >>shading
+                       >>algorithms >>public  >>sampling >>camera   >>raster   >>texture  >>shading
        one pass a SIMD width (this file includes itself)  >>wide  >>boxes  >>primitives  >>traverse  >>large  >>batch  >>cover    >>shade
        license         >>license
 
@@ -4540,10 +4540,9 @@ RT_API rt_status rt_trace_arrays(const rt_accel *accel, const rt_trace_options *
 
 /* ---- >>sampling ----------------------------------------------------------------------------------------------------- */
 
-#if RTI_SAMPLING
-
 /* Integers and floats alone, without a library: the same numbers from every compiler. */
 
+#if RTI_SAMPLING || !defined(RT_NO_SHADING)
 /* The finaliser of MurmurHash3: a permutation in which every bit depends on every other. */
 static uint32_t rti_hash(uint32_t x)
 {
@@ -4553,6 +4552,10 @@ static uint32_t rti_hash(uint32_t x)
 }
 
 static uint32_t rti_hash_next(uint32_t hash, uint32_t x) { return rti_hash(hash + x * 0x9e3779b9u + 0x7f4a7c15u); }
+
+#endif
+
+#if RTI_SAMPLING
 
 static float rti_unit_float(uint32_t x) { return (float)(x >> 8) * (1.0f / 16777216); }
 
@@ -4700,6 +4703,14 @@ static rt_vec3 rti_normalize(rt_vec3 a)
     if (!(m > 0)) return a;
     a = rti_vec3(a.x / m, a.y / m, a.z / m);
     return rti_scale(a, 1 / sqrtf(rti_dot(a, a)));
+}
+
+/* Two unit vectors across n, which is one (Duff et al. 2017). */
+static void rti_frame(rt_vec3 n, rt_vec3 *x, rt_vec3 *y)
+{
+    const float sign = copysignf(1, n.z), a = -1 / (sign + n.z), b = n.x * n.y * a;
+    *x = rti_vec3(1 + sign * n.x * n.x * a, sign * b, -sign * n.x);
+    *y = rti_vec3(b, sign + n.y * n.y * a, -n.y);
 }
 
 /* Not inlined: contracted in one way only, so that all views of a camera are equal. */
@@ -5344,6 +5355,299 @@ static bool rti_raster_fits(const rt_raster *r, const rt_geometry *geo, const rt
            rti_instance_count(&r->accel.geo) == rti_instance_count(geo);
 }
 
+/* ---- >>texture ------------------------------------------------------------------------------------------------------ */
+
+/* What a pixel sees of a surface is about an ellipse; a texture's mean over it is what is asked for. It comes in texture coordinates, or, of solid
+   textures, in space: its middle, and its axes, from edge to edge. */
+typedef struct { float at[3], axes[2][3]; } rti_spot;       /* axes[0] is the long one */
+
+RT_API size_t rt_count_texture_levels(int width, int height)
+{
+    size_t count = 0;
+    if (width < 1 || height < 1 || width > 1 << 14 || height > 1 << 14) return 0;
+    for (;;) {
+        count += (size_t)width * (size_t)height;
+        if (width == 1 && height == 1) return count;
+        width = width > 1 ? width / 2 : 1;
+        height = height > 1 ? height / 2 : 1;
+    }
+}
+
+/* The mean of what texel (x, y) of a level stands for in the level above: of odd sizes parts of texels too. */
+static rt_vec3 rti_shrink(const rt_vec3 *from, int width, int height, int x, int y, int to_width, int to_height)
+{
+    const float left = (float)x * (float)width / (float)to_width, right = (float)(x + 1) * (float)width / (float)to_width;
+    const float top = (float)y * (float)height / (float)to_height, bottom = (float)(y + 1) * (float)height / (float)to_height;
+    rt_vec3 sum = rti_vec3(0, 0, 0);
+    float weights = 0;
+    int i, j;
+    for (j = (int)top; j < height && (float)j < bottom; j++)
+        for (i = (int)left; i < width && (float)i < right; i++) {
+            const float across = ((float)(i + 1) < right ? (float)(i + 1) : right) - ((float)i > left ? (float)i : left);
+            const float down = ((float)(j + 1) < bottom ? (float)(j + 1) : bottom) - ((float)j > top ? (float)j : top);
+            sum = rti_add(sum, rti_scale(from[(size_t)j * (size_t)width + (size_t)i], across * down));
+            weights += across * down;
+        }
+    return rti_scale(sum, 1 / weights);
+}
+
+RT_API void rt_make_texture_levels(const rt_vec3 *pixels, int width, int height, rt_vec3 *levels)
+{
+    int x, y;
+    memcpy(levels, pixels, (size_t)width * (size_t)height * sizeof *levels);
+    while (width > 1 || height > 1) {
+        const int half = width > 1 ? width / 2 : 1, low = height > 1 ? height / 2 : 1;
+        rt_vec3 *to = levels + (size_t)width * (size_t)height;
+        for (y = 0; y < low; y++)
+            for (x = 0; x < half; x++) to[(size_t)y * (size_t)half + (size_t)x] = rti_shrink(levels, width, height, x, y, half, low);
+        levels = to;
+        width = half;
+        height = low;
+    }
+}
+
+/* x modulo 1, below it also for negative and huge x. */
+static float rti_wrap(float x)
+{
+    const float part = x - floorf(x);
+    return part >= 0 && part < 1 ? part : 0;
+}
+
+static rt_vec3 rti_mix(rt_vec3 a, rt_vec3 b, float part) { return rti_add(rti_scale(a, 1 - part), rti_scale(b, part)); }
+
+/* Between the four nearest texels of a level, which repeats. */
+static rt_vec3 rti_texel(const rt_vec3 *level, int width, int height, float u, float v)
+{
+    const float x = rti_wrap(u) * (float)width - 0.5f, y = rti_wrap(-v) * (float)height - 0.5f;
+    const int left = (int)floorf(x), top = (int)floorf(y);
+    const size_t x0 = (size_t)((left + width) % width), x1 = (size_t)((left + 1 + width) % width);
+    const size_t y0 = (size_t)((top + height) % height) * (size_t)width, y1 = (size_t)((top + 1 + height) % height) * (size_t)width;
+    return rti_mix(rti_mix(level[y0 + x0], level[y0 + x1], x - (float)left), rti_mix(level[y1 + x0], level[y1 + x1], x - (float)left),
+                   y - (float)top);
+}
+
+/* From the two levels whose texels are nearest to a width, which is in texture coordinates. */
+static rt_vec3 rti_image(const rt_texture *texture, const float at[2], float size)
+{
+    const int most = texture->width > texture->height ? texture->width : texture->height;
+    const rt_vec3 *level = texture->levels;
+    int width = texture->width, height = texture->height;
+    float texels = size * (float)most, part;
+    while (texels > 2 && (width > 1 || height > 1)) {
+        level += (size_t)width * (size_t)height;
+        width = width > 1 ? width / 2 : 1;
+        height = height > 1 ? height / 2 : 1;
+        texels /= 2;
+    }
+    part = texels - 1;
+    if (!(part > 0) || (width == 1 && height == 1)) return rti_texel(level, width, height, at[0], at[1]);
+    return rti_mix(rti_texel(level, width, height, at[0], at[1]),
+                   rti_texel(level + (size_t)width * (size_t)height, width > 1 ? width / 2 : 1, height > 1 ? height / 2 : 1, at[0], at[1]),
+                   part < 1 ? part : 1);
+}
+
+/* The integral from 0 of what is 1 in even fields and -1 in odd ones. */
+static float rti_fields(float x) { return 1 - fabsf(2 * rti_wrap(0.5f * x) - 1); }
+
+/* The mean of that over a box around at. */
+static float rti_field_mean(float at, float width)
+{
+    if (!(width > 1e-3f)) return rti_wrap(0.5f * at) < 0.5f ? 1.0f : -1.0f;
+    if (width > 1e6f) return 0;
+    return (rti_fields(at + 0.5f * width) - rti_fields(at - 0.5f * width)) / width;
+}
+
+/* The gradient at a lattice point, one of 12 (Perlin 2002), times the way from it. */
+static float rti_lattice(const int cell[3], int corner, const float off[3])
+{
+    const uint32_t hash = rti_hash_next(rti_hash_next(rti_hash_next(0x52a3u, (uint32_t)(cell[0] + (corner & 1))),
+                                                      (uint32_t)(cell[1] + (corner >> 1 & 1))), (uint32_t)(cell[2] + (corner >> 2)));
+    const float x = off[0] - (float)(corner & 1), y = off[1] - (float)(corner >> 1 & 1), z = off[2] - (float)(corner >> 2);
+    const uint32_t pair = (hash >> 8) % 3;
+    const float a = pair == 0 ? x : y, b = pair == 2 ? x : z;       /* xz, yz, yx */
+    return (hash & 1 ? a : -a) + (hash & 2 ? b : -b);
+}
+
+static float rti_gradient_noise(const float at[3])
+{
+    float off[3], fade[3], sum[4];
+    int cell[3], i, k;
+    for (k = 0; k < 3; k++) {
+        const float low = floorf(at[k]);
+        off[k] = at[k] - low;
+        if (!(fabsf(low) < 1e9f)) return 0;         /* no lattice that far out */
+        cell[k] = (int)low;
+        fade[k] = off[k] * off[k] * off[k] * (off[k] * (off[k] * 6 - 15) + 10);
+    }
+    for (i = 0; i < 4; i++) {
+        const float a = rti_lattice(cell, 2 * i, off), b = rti_lattice(cell, 2 * i + 1, off);
+        sum[i] = a + (b - a) * fade[0];
+    }
+    sum[0] += (sum[1] - sum[0]) * fade[1];
+    sum[2] += (sum[3] - sum[2]) * fade[1];
+    return sum[0] + (sum[2] - sum[0]) * fade[2];
+}
+
+/* Waves, each half as long and high as the last: 0 to 1, 0.5 on average. Those shorter than two widths fade out. */
+static float rti_noise(const float at[3], float width)
+{
+    float x[3] = { at[0], at[1], at[2] }, sum = 0, height = 0.55f;
+    int octave, k;
+    for (octave = 0; octave < 7; octave++) {
+        const float show = 2 - 2 * width;
+        if (!(show > 0)) break;
+        sum += height * (show < 1 ? show : 1) * rti_gradient_noise(x);
+        for (k = 0; k < 3; k++) x[k] = 2 * x[k] + 7.3f;     /* so that the lattices do not share their zeros */
+        width *= 2;
+        height *= 0.5f;
+    }
+    sum = 0.5f + 0.5f * sum;
+    return sum < 0 ? 0 : sum > 1 ? 1 : sum;
+}
+
+static float rti_length3(const float a[3]) { return sqrtf(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]); }
+
+#define RTI_TAPS 12                         /* along the long axis: further apart than the short one is wide, they blur */
+
+/* The texture's mean over a spot. */
+static rt_vec3 rti_look_at_texture(const rt_texture *texture, const rti_spot *spot)
+{
+    const float size = texture->size > 0 ? texture->size : 1;
+    const bool plain = texture->colors[0].x == 0 && texture->colors[0].y == 0 && texture->colors[0].z == 0 && texture->colors[1].x == 0 &&
+                       texture->colors[1].y == 0 && texture->colors[1].z == 0;
+    const rt_vec3 low = texture->colors[0], high = plain ? rti_vec3(1, 1, 1) : texture->colors[1];
+    const float wide = rti_length3(spot->axes[0]), narrow = rti_length3(spot->axes[1]);
+    rt_vec3 sum = rti_vec3(0, 0, 0);
+    float at[3], width;
+    int taps, i, k;
+    if (texture->kind == RT_TEXTURE_CHECKER) {
+        float mean = 1;
+        for (k = 0; k < (texture->solid ? 3 : 2); k++)
+            mean *= rti_field_mean(spot->at[k] / size, (fabsf(spot->axes[0][k]) + fabsf(spot->axes[1][k])) / size);
+        return rti_mix(low, high, 0.5f - 0.5f * mean);
+    }
+    taps = wide < (float)RTI_TAPS * narrow ? 1 + (int)(wide / narrow) : RTI_TAPS;
+    if (!(narrow > 0) || taps < 1) taps = wide > 0 ? RTI_TAPS : 1;
+    width = rti_maxf(narrow, wide / (float)taps);
+    for (i = 0; i < taps; i++) {
+        const float along = ((float)i + 0.5f) / (float)taps - 0.5f;
+        for (k = 0; k < 3; k++) at[k] = spot->at[k] + along * spot->axes[0][k];
+        if (texture->kind == RT_TEXTURE_IMAGE) sum = rti_add(sum, rti_image(texture, at, width));
+        else {
+            for (k = 0; k < 3; k++) at[k] = !texture->solid && k == 2 ? 0 : at[k] / size;
+            sum = rti_add(sum, rti_mix(low, high, rti_noise(at, width / size)));
+        }
+    }
+    return rti_scale(sum, 1 / (float)taps);
+}
+
+/* How steps on a surface are steps of its texture coordinates: du = step . across[0], dv = step . across[1]; where it is at now. */
+typedef struct { float u, v; rt_vec3 across[2]; } rti_mapping;
+
+/* Of a triangle with corners p, p + a, p + b. */
+static rti_mapping rti_map_triangle(const rt_scene *scene, const rt_hit *hit, rt_vec3 a, rt_vec3 b)
+{
+    const uint32_t *index = scene->texcoords ? scene->texcoord_indices + 3 * (size_t)hit->prim : NULL;
+    const float aa = rti_dot(a, a), ab = rti_dot(a, b), bb = rti_dot(b, b), det = aa * bb - ab * ab;
+    float corner[3][2] = { { 0, 0 }, { 1, 0 }, { 0, 1 } };
+    rt_vec3 to_a = rti_vec3(0, 0, 0), to_b = to_a;          /* a step's parts along a and b */
+    rti_mapping m;
+    int i, k;
+    if (index && index[0] != RT_NONE)
+        for (i = 0; i < 3; i++)
+            for (k = 0; k < 2; k++) corner[i][k] = scene->texcoords[2 * (size_t)index[i] + (size_t)k];
+    if (det > 0) {
+        to_a = rti_scale(rti_sub(rti_scale(a, bb), rti_scale(b, ab)), 1 / det);
+        to_b = rti_scale(rti_sub(rti_scale(b, aa), rti_scale(a, ab)), 1 / det);
+    }
+    m.u = corner[0][0] + hit->u * (corner[1][0] - corner[0][0]) + hit->v * (corner[2][0] - corner[0][0]);
+    m.v = corner[0][1] + hit->u * (corner[1][1] - corner[0][1]) + hit->v * (corner[2][1] - corner[0][1]);
+    for (k = 0; k < 2; k++)
+        m.across[k] = rti_add(rti_scale(to_a, corner[1][k] - corner[0][k]), rti_scale(to_b, corner[2][k] - corner[0][k]));
+    return m;
+}
+
+/* Of a sphere, out being from its centre: longitude, 0.5 at +x and growing towards +z, and latitude from -y. Near the poles a step may go round: that is as far as
+   it counts. */
+static rti_mapping rti_map_sphere(rt_vec3 out)
+{
+    const float level2 = out.x * out.x + out.z * out.z, r2 = level2 + out.y * out.y, level = sqrtf(level2);
+    const rt_vec3 east = level > 0 ? rti_vec3(-out.z / level, 0, out.x / level) : rti_vec3(1, 0, 0);
+    const rt_vec3 north = level > 0 ? rti_vec3(-out.x * out.y / level, level, -out.z * out.y / level) : rti_vec3(0, 0, 1);
+    rti_mapping m;
+    m.u = 0.5f + atan2f(out.z, out.x) * 0.159154943f;
+    m.v = 0.5f + atan2f(out.y, level) * 0.318309886f;
+    m.across[0] = rti_scale(east, 0.159154943f / rti_maxf(level, 1e-4f * sqrtf(r2)));
+    m.across[1] = rti_scale(north, r2 > 0 ? 0.318309886f / r2 : 0);
+    return m;
+}
+
+static rti_mapping rti_map_plane(rt_vec3 normal, rt_vec3 from)
+{
+    rti_mapping m;
+    rti_frame(rti_normalize(normal), &m.across[0], &m.across[1]);
+    m.u = rti_dot(from, m.across[0]);
+    m.v = rti_dot(from, m.across[1]);
+    return m;
+}
+
+/* The spot around what is seen, steps being the axes of what is seen on the surface. */
+static rti_spot rti_spot_of(const rt_texture *texture, const rti_mapping *m, rt_vec3 point, const rt_vec3 steps[2])
+{
+    rti_spot spot;
+    int i;
+    spot.at[0] = texture->solid ? point.x : m->u;
+    spot.at[1] = texture->solid ? point.y : m->v;
+    spot.at[2] = texture->solid ? point.z : 0;
+    for (i = 0; i < 2; i++) {
+        spot.axes[i][0] = texture->solid ? steps[i].x : rti_dot(steps[i], m->across[0]);
+        spot.axes[i][1] = texture->solid ? steps[i].y : rti_dot(steps[i], m->across[1]);
+        spot.axes[i][2] = texture->solid ? steps[i].z : 0;
+    }
+    if (rti_length3(spot.axes[1]) > rti_length3(spot.axes[0])) {
+        const float axis[3] = { spot.axes[0][0], spot.axes[0][1], spot.axes[0][2] };
+        memcpy(spot.axes[0], spot.axes[1], sizeof axis);
+        memcpy(spot.axes[1], axis, sizeof axis);
+    }
+    return spot;
+}
+
+static float rti_height_at(const rt_texture *texture, const rti_mapping *m, rt_vec3 point, const rt_vec3 steps[2], rt_vec3 step)
+{
+    rti_mapping there = *m;
+    rti_spot spot;
+    rt_vec3 color;
+    there.u += rti_dot(step, m->across[0]);
+    there.v += rti_dot(step, m->across[1]);
+    spot = rti_spot_of(texture, &there, rti_add(point, step), steps);
+    color = rti_look_at_texture(texture, &spot);
+    return (color.x + color.y + color.z) * 0.333333333f;
+}
+
+/* Blinn 1978: the normal, of unit length, of a surface raised by a texture's height: by its slopes along the axes of what is seen, over no less than those,
+   so that waves too short to be seen do not tilt it; and no less than a texel or a small part of a wave. */
+static rt_vec3 rti_bump(const rt_material *material, const rti_mapping *m, rt_vec3 point, rt_vec3 normal, const rt_vec3 steps[2])
+{
+    const rt_texture *texture = material->bump;
+    const float size = texture->size > 0 ? texture->size : 1, most = (float)(texture->width > texture->height ? texture->width : texture->height);
+    const float least = texture->kind == RT_TEXTURE_IMAGE ? 0.5f / most : size / 32;
+    rt_vec3 bumped = normal;
+    int i;
+    for (i = 0; i < 2; i++) {
+        const float length = sqrtf(rti_dot(steps[i], steps[i]));
+        const rt_vec3 along = rti_normalize(steps[i]);
+        const float du = rti_dot(along, m->across[0]), dv = rti_dot(along, m->across[1]);
+        const float rate = texture->solid ? 1 : sqrtf(du * du + dv * dv), step = rti_maxf(length, rate > 0 ? least / rate : 0);
+        rt_vec3 half;
+        float slope;
+        if (!(step > 0)) continue;
+        half = rti_scale(along, 0.5f * step);
+        slope = (rti_height_at(texture, m, point, steps, half) - rti_height_at(texture, m, point, steps, rti_scale(half, -1))) / step;
+        bumped = rti_sub(bumped, rti_scale(along, slope * material->bump_height));
+    }
+    return rti_normalize(bumped);
+}
+
 /* ---- >>shading ------------------------------------------------------------------------------------------------------ */
 
 /* A block of pixels is drawn in batches of rays that are traced together: its eye rays, then those that follow, each batch from one
@@ -5360,6 +5664,7 @@ typedef struct {
     rt_vec3 weight;                         /* of what it sees, in its pixel */
     uint32_t pixel;                         /* of the block: y * side + x */
     const rt_material *medium;              /* inside of which it runs, or NULL */
+    float width;                            /* of what its pixel sees, where it starts: grows as if all that mirrors or refracts were flat */
 #if RTI_SAMPLING
     float time;
     uint32_t branch;                        /* of the sample's tree of rays: the eye ray 1, what it sees mirrored 2, refracted 3, and so on */
@@ -5389,6 +5694,7 @@ typedef struct {
     rti_view view;
     rt_ray_counts counts;
     int depth, spp, side;                   /* side: of a block, in pixels */
+    float angle;                            /* that a sample stands for: by so much a ray's width grows a unit of length */
 #if RTI_SAMPLING
     rt_sampler sampler;
     rt_filter filter;
@@ -5443,6 +5749,46 @@ RTI_INLINE rt_vec3 rti_get(const float *lanes, int lane)
     return rti_vec3(lanes[lane * RTI_ABREAST], lanes[(lane + 1) * RTI_ABREAST], lanes[(lane + 2) * RTI_ABREAST]);
 }
 
+/* How a surface is looked at, in the space of its primitive. */
+typedef struct {
+    rt_vec3 dir;                            /* of the ray, of any length */
+    float width;                            /* of what the pixel sees, across it */
+    float stretch;                          /* how much longer a length may be in the world */
+} rti_gaze;
+
+/* Textures: multiplies tint, and tilts the shading normal. What is seen of the surface is the section of the ray's cone with it. */
+RTI_NOINLINE void rti_wear(const rt_scene *scene, const rt_hit *hit, const rt_material *material, rt_vec3 point, const rti_gaze *gaze,
+                           float *lanes, rt_vec3 *tint)
+{
+    const rt_geometry *geo = scene->geometry;
+    const rt_vec3 dir = rti_normalize(gaze->dir), normal = rti_normalize(rti_get(lanes, RTI_NORMAL));
+    const float cosine = rti_dot(dir, normal);
+    rt_vec3 steps[2], other;
+    rti_mapping m;
+    steps[0] = rti_sub(dir, rti_scale(normal, cosine));
+    if (rti_dot(steps[0], steps[0]) < 1e-6f) rti_frame(normal, &steps[0], &other);     /* from straight above: a circle */
+    steps[0] = rti_normalize(steps[0]);
+    steps[1] = rti_scale(rti_cross(normal, steps[0]), gaze->width);
+    steps[0] = rti_scale(steps[0], gaze->width / rti_maxf(fabsf(cosine), 0.01f));
+    if (hit->prim < geo->triangle_count) {
+        float v[9];
+        (void)rti_fetch_triangle(geo, hit->prim, v);
+        m = rti_map_triangle(scene, hit, rti_vec3(v[3] - v[0], v[4] - v[1], v[5] - v[2]), rti_vec3(v[6] - v[0], v[7] - v[1], v[8] - v[2]));
+    }
+#if RTI_PLANES
+    else if (hit->prim >= rti_tree_count(geo)) {
+        const rt_plane *plane = &geo->planes[hit->prim - rti_tree_count(geo)];
+        m = rti_map_plane(plane->normal, rti_sub(point, plane->point));
+    }
+#endif
+    else m = rti_map_sphere(rti_get(lanes, RTI_GEOMETRIC));
+    if (material->texture) {
+        const rti_spot spot = rti_spot_of(material->texture, &m, point, steps);
+        *tint = rti_mul(*tint, rti_look_at_texture(material->texture, &spot));
+    }
+    if (material->bump && material->bump_height != 0) rti_put(lanes, RTI_NORMAL, rti_bump(material, &m, point, normal, steps));
+}
+
 static const rt_material rti_grey = {       /* of scenes without materials */
     { 0.7f, 0.7f, 0.7f }, { 0, 0, 0 }, { 0, 0, 0 }, 1, { 0, 0, 0 }, { 0, 0, 0 }, { 0, 0, 0 }, 1, false,
 #if RTI_SAMPLING
@@ -5452,10 +5798,12 @@ static const rt_material rti_grey = {       /* of scenes without materials */
 };
 
 /* Writes a surface's normals, of any length, and multiplies tint by its colours; answers its material. Of a hit on a
-   primitive of scene's own geometry, in its space, of which a length is up to stretch times as long in the world. */
-RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *hit, rt_vec3 point, float stretch, float *lanes, rt_vec3 *tint)
+   primitive of scene's own geometry, in its space. */
+RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *hit, rt_vec3 point, const rti_gaze *gaze, float *lanes,
+                                          rt_vec3 *tint)
 {
     const rt_geometry *geo = scene->geometry;
+    const rt_material *material;
     uint32_t id = hit->prim;                /* in material_ids, where instances have no place */
     if (hit->prim < geo->triangle_count) {
         const size_t corner = 3 * (size_t)hit->prim, stride = geo->vertex_stride ? geo->vertex_stride / sizeof(float) : 3;
@@ -5464,7 +5812,7 @@ RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *h
         const float *r = geo->vertices + (v ? v[2] : corner + 2) * stride;
         const rt_vec3 pq = rti_vec3(q[0] - p[0], q[1] - p[1], q[2] - p[2]), pr = rti_vec3(r[0] - p[0], r[1] - p[1], r[2] - p[2]);
         const rt_vec3 flat = rti_cross(pq, pr);
-        lanes[RTI_OFFSET * RTI_ABREAST] += 0.1f * stretch * rti_maxf(rti_largest(pq), rti_largest(pr));      /* t errs by so much too */
+        lanes[RTI_OFFSET * RTI_ABREAST] += 0.1f * gaze->stretch * rti_maxf(rti_largest(pq), rti_largest(pr));      /* t errs by so much too */
         rti_put(lanes, RTI_GEOMETRIC, flat);
         rti_put(lanes, RTI_NORMAL, flat);
         if (scene->normals) {
@@ -5493,8 +5841,9 @@ RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *h
         rti_put(lanes, RTI_NORMAL, out);
     }
 #endif
-    (void)point;
-    return scene->material_count ? &scene->materials[scene->material_ids ? scene->material_ids[id] : 0] : &rti_grey;
+    material = scene->material_count ? &scene->materials[scene->material_ids ? scene->material_ids[id] : 0] : &rti_grey;
+    if (RTI_UNLIKELY(material->texture || material->bump)) rti_wear(scene, hit, material, point, gaze, lanes, tint);
+    return material;
 }
 
 #if RTI_INSTANCES
@@ -5508,16 +5857,21 @@ static rt_vec3 rti_world_normal(const float inverse[12], rt_vec3 n)
 }
 
 /* The same of a hit within an instance, which may move: at a time. */
-RTI_NOINLINE const rt_material *rti_look_into(const rt_scene *scene, const rt_hit *hit, rt_vec3 at, float time, float *lanes, rt_vec3 *tint)
+RTI_NOINLINE const rt_material *rti_look_into(const rt_scene *scene, const rt_hit *hit, rt_vec3 at, float time, const rti_gaze *gaze,
+                                              float *lanes, rt_vec3 *tint)
 {
     const rt_accel *accel = scene->accel;
     const rt_material *material;
     uint32_t inst = hit->inst;
     float m[12], inverse[12], org[3], dir[3];
-    const float point[3] = { at.x, at.y, at.z };
+    const float point[3] = { at.x, at.y, at.z }, gaze_dir[3] = { gaze->dir.x, gaze->dir.y, gaze->dir.z };
+    rti_gaze inside;
     (void)rt_instance_transform_at(accel, inst, time, m, NULL);
     (void)rti_invert(m, inverse);
-    rti_transform_ray(inverse, point, point, org, dir);
+    rti_transform_ray(inverse, point, gaze_dir, org, dir);
+    inside.dir = rti_vertex(dir);
+    inside.stretch = (float)rti_stretch(m);
+    inside.width = gaze->width * sqrtf(rti_dot(inside.dir, inside.dir) / rti_dot(gaze->dir, gaze->dir));
     while (inst != RT_NONE) {
         size_t number = rti_find_instance(accel, inst);
         RT_ASSERT(scene->parts && scene->parts[number] && scene->parts[number]->accel && scene->parts[number]->geometry);
@@ -5525,7 +5879,7 @@ RTI_NOINLINE const rt_material *rti_look_into(const rt_scene *scene, const rt_hi
         inst = inst - accel->instance_bases[number] - 1;
         accel = scene->accel;
     }
-    material = rti_look_up(scene, hit, rti_vertex(org), (float)rti_stretch(m), lanes, tint);
+    material = rti_look_up(scene, hit, rti_vertex(org), &inside, lanes, tint);
     rti_put(lanes, RTI_GEOMETRIC, rti_world_normal(inverse, rti_get(lanes, RTI_GEOMETRIC)));
     rti_put(lanes, RTI_NORMAL, rti_world_normal(inverse, rti_get(lanes, RTI_NORMAL)));
     return material;
@@ -5560,6 +5914,8 @@ static size_t rti_look_at(rti_render *r, size_t n, bool last)
     const rt_material *known = NULL;        /* neighbours tend to have the same: what is asked of it once */
     bool shiny = false, glows = false;
     size_t i, seen = 0;
+    rti_gaze gaze;
+    gaze.stretch = 1;
     r->shiny_count = 0;
     for (i = 0; i < n; i++) {
         const rt_ray *ray = &r->rays[i];
@@ -5575,15 +5931,18 @@ static size_t rti_look_at(rti_render *r, size_t n, bool last)
             continue;
         }
         point = rti_add(ray->org, rti_scale(ray->dir, hit->t));
+        path->width += hit->t * sqrtf(rti_dot(ray->dir, ray->dir)) * r->angle;
+        gaze.dir = ray->dir;
+        gaze.width = path->width;
         rti_put(lanes, RTI_POINT, point);
         rti_put(lanes, RTI_VIEW, ray->dir);
         lanes[RTI_OFFSET * RTI_ABREAST] = hit->t * rti_largest(ray->dir) + rti_largest(point);
         *tint = path->weight;
 #if RTI_INSTANCES
-        if (hit->inst != RT_NONE) material = rti_look_into(scene, hit, point, RTI_SAMPLING_OR(path->time, 0), lanes, tint);
+        if (hit->inst != RT_NONE) material = rti_look_into(scene, hit, point, RTI_SAMPLING_OR(path->time, 0), &gaze, lanes, tint);
         else
 #endif
-            material = rti_look_up(scene, hit, point, 1, lanes, tint);
+            material = rti_look_up(scene, hit, point, &gaze, lanes, tint);
         r->materials[seen] = material;
         if (material != known) {
             known = material;
@@ -5617,14 +5976,6 @@ static void rti_draw(const rti_render *r, const rti_path *path, uint32_t dimensi
 {
     const uint32_t side = (uint32_t)r->side, x = (uint32_t)r->left + path->pixel % side, y = (uint32_t)r->top + path->pixel / side;
     rt_sample_2d(&r->sampler, x, y, r->sample, path->branch * 0x9e3779b1u + dimension, u);
-}
-
-/* Two unit vectors across n, which is one (Duff et al. 2017). */
-static void rti_frame(rt_vec3 n, rt_vec3 *x, rt_vec3 *y)
-{
-    const float sign = copysignf(1, n.z), a = -1 / (sign + n.z), b = n.x * n.y * a;
-    *x = rti_vec3(1 + sign * n.x * n.x * a, sign * b, -sign * n.x);
-    *y = rti_vec3(b, sign + n.y * n.y * a, -n.y);
 }
 
 /* The direction at an angle from axis, whose cosine and its square's rest to 1 are given, and somewhere around it. */
@@ -5983,6 +6334,7 @@ static size_t rti_look(rti_render *r, const int box[4], float dx, float dy)
             path->weight = rti_vec3(1, 1, 1);
             path->pixel = y * side + x;
             path->medium = NULL;
+            path->width = 0;
 #if RTI_SAMPLING
             path->branch = 1;
             path->time = r->open;
@@ -6165,6 +6517,8 @@ RTI_NOINLINE void rti_render_large(rti_render *r, const int tile[4], int width, 
 static rt_status rti_scene_lacks(const rt_scene *scene, rt_error *error)
 {
     if (!scene->accel || !scene->geometry) return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "scene lacks its accel or its geometry");
+    if (scene->texcoords && !scene->texcoord_indices)
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "scene has texcoords without texcoord_indices");
     if (scene->normals && !scene->normal_indices)
         return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "scene has normals without normal_indices");
     if (rti_instance_count(scene->geometry) && !scene->parts)
@@ -6174,6 +6528,27 @@ static rt_status rti_scene_lacks(const rt_scene *scene, rt_error *error)
 
 static bool rti_is_amount(float x) { return x >= 0 && x <= FLT_MAX; }       /* false for NaN */
 static bool rti_are_amounts(rt_vec3 a) { return rti_is_amount(a.x) && rti_is_amount(a.y) && rti_is_amount(a.z); }
+
+static rt_status rti_check_texture(const rt_texture *texture, const char *name, size_t number, rt_error *error)
+{
+    if (!texture) return RT_OK;
+    if ((unsigned)texture->kind >= RT_TEXTURE_COUNT)
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "material %lu, %s: kind %d is none of rt_texture_kind", (unsigned long)number, name,
+                        (int)texture->kind);
+    if (!(texture->size >= 0 && texture->size <= RT_MAX_COORDINATE))
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "material %lu, %s: size is negative, not finite or too large", (unsigned long)number,
+                        name);
+    if (texture->kind != RT_TEXTURE_IMAGE && (!rti_are_amounts(texture->colors[0]) || !rti_are_amounts(texture->colors[1])))
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "material %lu, %s: a color is negative or not finite", (unsigned long)number, name);
+    if (texture->kind == RT_TEXTURE_IMAGE && !rt_count_texture_levels(texture->width, texture->height))
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "material %lu, %s: an image of %d x %d: each must lie between 1 and %d",
+                        (unsigned long)number, name, texture->width, texture->height, 1 << 14);
+    if (texture->kind == RT_TEXTURE_IMAGE && !texture->levels)
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "material %lu, %s: an image without levels", (unsigned long)number, name);
+    if (texture->kind == RT_TEXTURE_IMAGE && texture->solid)
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "material %lu, %s: an image cannot be solid", (unsigned long)number, name);
+    return RT_OK;
+}
 
 #if RTI_SAMPLING
 static rt_status rti_check_light(const rt_light *light, size_t number, rt_error *error)
@@ -6214,6 +6589,10 @@ RT_API rt_status rt_check_scene(const rt_scene *scene, rt_error *error)
             if (!good[k])
                 return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "material %lu: %s is negative or not finite", (unsigned long)i,
                                 names[k]);
+        if (!(fabsf(m->bump_height) <= RT_MAX_COORDINATE))
+            return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "material %lu: bump_height is not finite or too large", (unsigned long)i);
+        if ((status = rti_check_texture(m->texture, "texture", i, error)) != RT_OK || (status = rti_check_texture(m->bump, "bump", i, error)) != RT_OK)
+            return status;
 #if RTI_SAMPLING
         if (!(m->roughness >= 0 && m->roughness <= 1))
             return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "material %lu: roughness does not lie between 0 and 1", (unsigned long)i);
@@ -6341,6 +6720,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
     r.view = rti_make_view(&scene->camera, opt->width, opt->height);
     r.spp = opt->spp ? opt->spp : 1;
     r.depth = opt->depth > 0 ? opt->depth : opt->depth ? 0 : RTI_DEPTH;
+    r.angle = sqrtf(rti_dot(r.view.right, r.view.right) / (float)r.spp);
     r.job.times = NULL;
 #if RTI_SAMPLING
     rti_set_distribution(&r, scene, opt);
