@@ -5454,6 +5454,7 @@ static float rti_field_mean(float at, float width)
 {
     if (!(width > 1e-3f)) return rti_wrap(0.5f * at) < 0.5f ? 1.0f : -1.0f;
     if (width > 1e6f) return 0;
+    at = 2 * rti_wrap(0.5f * at);           /* first: the difference of two large numbers would be noise */
     return (rti_fields(at + 0.5f * width) - rti_fields(at - 0.5f * width)) / width;
 }
 
@@ -5526,8 +5527,7 @@ static rt_vec3 rti_look_at_texture(const rt_texture *texture, const rti_spot *sp
             mean *= rti_field_mean(spot->at[k] / size, (fabsf(spot->axes[0][k]) + fabsf(spot->axes[1][k])) / size);
         return rti_mix(low, high, 0.5f - 0.5f * mean);
     }
-    taps = wide < (float)RTI_TAPS * narrow ? 1 + (int)(wide / narrow) : RTI_TAPS;
-    if (!(narrow > 0) || taps < 1) taps = wide > 0 ? RTI_TAPS : 1;
+    taps = wide < (float)RTI_TAPS * narrow ? (int)(wide / narrow + 0.5f) : wide > 0 ? RTI_TAPS : 1;
     width = rti_maxf(narrow, wide / (float)taps);
     for (i = 0; i < taps; i++) {
         const float along = ((float)i + 0.5f) / (float)taps - 0.5f;

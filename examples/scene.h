@@ -43,6 +43,10 @@ typedef struct {
     rt_vec3 *normals;                       /* as rt_scene wants them; NULL if there are none */
     uint32_t *normal_indices;
     rt_vec3 *colors;                        /* one a vertex, or NULL */
+    float *texcoords;                       /* as rt_scene wants them; NULL where no material has a texture */
+    uint32_t *texcoord_indices;
+    rt_texture *textures;                   /* of the materials; the images' levels are owned */
+    size_t texture_count;
     rt_material *materials;
     rt_material *shiny_materials;           /* the same, but .mtl ones as if their illum asked for secondary rays: see sn_settle_mtl */
     size_t material_count;
@@ -75,9 +79,12 @@ typedef struct {
     sn_array vertices, colors;              /* float[3]; rt_vec3, empty or one a vertex */
     sn_array normals;                       /* rt_vec3 */
     sn_array triangles, triangle_normals;   /* uint32_t[3]; the latter empty or one a triangle */
+    sn_array texcoords, triangle_texcoords; /* float[2]; uint32_t[3], empty or one a triangle */
+    sn_array textures;                      /* rt_texture, whose levels are owned: one a name of texture_names, then those of procedural scenes */
     sn_array triangle_materials, spheres, sphere_materials;
     sn_array materials, material_defined;   /* sn_material, bool: one a name of material_names */
     sn_names material_names, libraries;     /* libraries: the .mtl files already read */
+    sn_names texture_names;                 /* paths of images */
     sn_array lights;
     sn_array corners, clip;                 /* scratch of polygons */
     uint32_t material;                      /* of the next triangle or sphere; RT_NONE: grey */
@@ -98,7 +105,7 @@ typedef struct {
     scene_error *error;
 } sn_builder;
 
-typedef struct { uint32_t v, n; } sn_corner;                            /* n RT_NONE: no normal */
+typedef struct { uint32_t v, n, t; } sn_corner;                         /* n RT_NONE: no normal; t: texture coordinates from 1, 0: none */
 
 static bool sn_grow(sn_array *array, size_t item, size_t more)
 {
@@ -154,9 +161,11 @@ static void sn_release(sn_builder *b)
     sn_array *arrays[] = { &b->vertices, &b->colors, &b->normals, &b->triangles, &b->triangle_normals, &b->triangle_materials,
                            &b->spheres, &b->sphere_materials, &b->materials, &b->material_defined, &b->material_names.text,
                            &b->material_names.names, &b->material_names.slots, &b->libraries.text, &b->libraries.names,
-                           &b->libraries.slots, &b->lights, &b->corners, &b->clip };
+                           &b->libraries.slots, &b->lights, &b->corners, &b->clip, &b->texcoords, &b->triangle_texcoords, &b->textures,
+                           &b->texture_names.text, &b->texture_names.names, &b->texture_names.slots };
     size_t i;
 
+    for (i = 0; i < b->textures.count; i++) free((void *)((rt_texture *)b->textures.data)[i].levels);
     for (i = 0; i < sizeof arrays / sizeof *arrays; i++) free(arrays[i]->data);
 }
 
@@ -592,6 +601,39 @@ SCENE_HOT void sn_add_triangle(sn_builder *b, sn_corner c0, sn_corner c1, sn_cor
         n[1] = c1.n;
         n[2] = c2.n;
     }
+    if ((c0.t && c1.t && c2.t) || b->triangle_texcoords.count > 0) {
+        size_t missing = b->triangles.count - b->triangle_texcoords.count;
+        uint32_t *t = (uint32_t *)sn_add(b, &b->triangle_texcoords, 3 * sizeof *t, missing);
+
+        if (!t) return;
+        if (missing > 1) memset(t, 0xff, (missing - 1) * 3 * sizeof *t);
+        t += (missing - 1) * 3;
+        t[0] = c0.t && c1.t && c2.t ? c0.t - 1 : RT_NONE;
+        t[1] = c1.t - 1;
+        t[2] = c2.t - 1;
+    }
+}
+
+static void sn_add_texcoord(sn_builder *b, float u, float v)
+{
+    float *uv = (float *)sn_add(b, &b->texcoords, 2 * sizeof *uv, 1);
+
+    if (!uv) return;
+    uv[0] = u;
+    uv[1] = v;
+}
+
+/* The number of a texture, whose levels are taken over; RT_NONE: out of memory. */
+static uint32_t sn_add_texture(sn_builder *b, rt_texture texture)
+{
+    rt_texture *added = (rt_texture *)sn_add(b, &b->textures, sizeof *added, 1);
+
+    if (!added) {
+        free((void *)texture.levels);
+        return RT_NONE;
+    }
+    *added = texture;
+    return (uint32_t)(b->textures.count - 1);
 }
 
 static void sn_add_sphere(sn_builder *b, rt_vec3 center, float radius)
@@ -802,7 +844,7 @@ static rt_material sn_grey(void)
 }
 
 /* As the file tells, and as it would be with all secondary rays. */
-typedef struct { rt_material told, shiny; } sn_material;
+typedef struct { rt_material told, shiny; uint32_t texture, bump; } sn_material;      /* numbers of textures, or RT_NONE */
 
 /* The number of the material with that name, which may be defined later; RT_NONE when out of memory. */
 static uint32_t sn_use_material(sn_builder *b, const char *name, size_t length)
@@ -815,6 +857,7 @@ static uint32_t sn_use_material(sn_builder *b, const char *name, size_t length)
 
         if (!m || !defined) return RT_NONE;
         m->told = m->shiny = sn_grey();
+        m->texture = m->bump = RT_NONE;
         *defined = false;
     }
     return number;
@@ -913,6 +956,102 @@ static void sn_mtl_color(sn_builder *b, const char *key, const char *p, rt_vec3 
     }
 }
 
+SCENE_API bool scene_read_ppm(const char *path, rt_vec3 **pixels, int *width, int *height, char *error, size_t error_size);
+
+/* The number of the image at path, read the first time; RT_NONE where that fails, which is reported: what is wrong with a PPM is an error, another format
+   a warning. */
+static uint32_t sn_image(sn_builder *b, const char *key, const char *path)
+{
+    const size_t length = strlen(path);
+    uint32_t number = sn_find(&b->texture_names, path, length);
+    char why[512] = "";
+    rt_texture texture;
+    rt_vec3 *pixels;
+    rt_vec3 *levels;
+    size_t count;
+
+    if (number != RT_NONE) return number;
+    if (length < 4 || (strcmp(path + length - 4, ".ppm") != 0 && strcmp(path + length - 4, ".PPM") != 0)) {
+        sn_warn(b, "%s: '%s' is no .ppm, the one format that is read; there is no texture", key, path);
+        return RT_NONE;
+    }
+    memset(&texture, 0, sizeof texture);
+    if (!scene_read_ppm(path, &pixels, &texture.width, &texture.height, why, sizeof why)) {
+        if (strstr(why, "out of memory")) b->no_memory = true;
+        else sn_fail(b, "%s: %s", key, why);
+        return RT_NONE;
+    }
+    count = rt_count_texture_levels(texture.width, texture.height);
+    levels = count ? (rt_vec3 *)malloc(count * sizeof *levels) : NULL;
+    if (!count) sn_fail(b, "%s: %s: %d x %d pixels are too many for a texture", key, path, texture.width, texture.height);
+    else if (!levels) b->no_memory = true;
+    else {
+        rt_make_texture_levels(pixels, texture.width, texture.height, levels);
+        texture.levels = levels;
+        number = sn_intern(b, &b->texture_names, path, length);
+        if (number == RT_NONE) free(levels);
+        else number = sn_add_texture(b, texture);
+    }
+    free(pixels);
+    return number;
+}
+
+/* map_Kd, map_Bump, bump: options, then a path from the .mtl file's folder. Answers the number of the texture or RT_NONE. */
+static uint32_t sn_mtl_map(sn_builder *b, const char *text, const char *key, const char *p, float *multiplier)
+{
+    static const struct { const char *name; int least, most; } options[] = {       /* and how many words follow */
+        { "-blendu", 1, 1 }, { "-blendv", 1, 1 }, { "-cc", 1, 1 }, { "-clamp", 1, 1 }, { "-texres", 1, 1 }, { "-imfchan", 1, 1 },
+        { "-type", 1, 1 }, { "-boost", 1, 1 }, { "-mm", 2, 2 }, { "-o", 1, 3 }, { "-s", 1, 3 }, { "-t", 1, 3 }, { "-bm", 1, 1 },
+    };
+    const char *slash = strrchr(b->file, '/');
+    const size_t folder = slash ? (size_t)(slash + 1 - b->file) : 0;
+    sn_name name;
+    char *path, *c;
+    uint32_t number;
+
+    for (p = sn_skip(p); *p == '-'; ) {
+        size_t row = 0;
+        int words = 0;
+
+        while (row < sizeof options / sizeof *options && !sn_is_word(p, options[row].name)) row++;
+        if (row == sizeof options / sizeof *options) break;         /* a file may be called so */
+        p = sn_skip(sn_token_end(p));
+        for (; words < options[row].most && !sn_at_end(p); words++) {
+            const char *number_end = p;
+            float value;
+
+            if (options[row].most > 1 || row + 1 == sizeof options / sizeof *options) {
+                if (sn_number(&number_end, &value) != SN_NUMBER || !sn_is_break(*number_end)) break;
+                if (row + 1 == sizeof options / sizeof *options) *multiplier = value;
+            }
+            p = sn_skip(sn_token_end(p));
+        }
+        if (words < options[row].least) {
+            sn_fail(b, "%s: %s lacks its number", key, options[row].name);
+            return RT_NONE;
+        }
+        if (row + 1 < sizeof options / sizeof *options) sn_warn(b, "%s: %s is not supported", key, options[row].name);
+    }
+    name = sn_rest(text, p);
+    if (name.length == 0) {
+        sn_warn(b, "%s without a name", key);
+        return RT_NONE;
+    }
+    path = (char *)malloc(folder + name.length + 1);
+    if (!path) {
+        b->no_memory = true;
+        return RT_NONE;
+    }
+    memcpy(path, b->file, text[name.start] == '/' ? 0 : folder);
+    memcpy(path + (text[name.start] == '/' ? 0 : folder), text + name.start, name.length);
+    path[(text[name.start] == '/' ? 0 : folder) + name.length] = '\0';
+    for (c = path + (text[name.start] == '/' ? 0 : folder); *c; c++)
+        if (*c == '\\') *c = '/';
+    number = sn_image(b, key, path);
+    free(path);
+    return number;
+}
+
 static void sn_mtl(sn_builder *b, sn_text *text)
 {
     static const char *const scalars[] = { "Ns", "d", "Tr", "Ni", "illum" };
@@ -938,6 +1077,7 @@ static void sn_mtl(sn_builder *b, sn_text *text)
             if (m) sn_settle_mtl(m, &extra);
             if (number == RT_NONE) return;
             ignored.told = sn_grey();       /* of two definitions the first one holds */
+            ignored.texture = ignored.bump = RT_NONE;
             m = &ignored;
             if (!((bool *)b->material_defined.data)[number]) {
                 ((bool *)b->material_defined.data)[number] = true;
@@ -956,6 +1096,13 @@ static void sn_mtl(sn_builder *b, sn_text *text)
         else if (sn_is_word(key, "Ke")) sn_mtl_color(b, "Ke", end, &m->told.emission);
         else if (sn_is_word(key, "Tf")) sn_mtl_color(b, "Tf", end, &extra.filter);
         else if (sn_is_word(key, "Ka")) sn_mtl_color(b, "Ka", end, &ambient);
+        else if (sn_is_word(key, "map_Kd")) {
+            float unused = 1;
+            m->texture = sn_mtl_map(b, text->data, "map_Kd", end, &unused);
+        } else if (sn_is_word(key, "map_Bump") || sn_is_word(key, "map_bump") || sn_is_word(key, "bump")) {
+            m->told.bump_height = 1;
+            m->bump = sn_mtl_map(b, text->data, "bump", end, &m->told.bump_height);
+        }
         for (i = 0; i < sizeof scalars / sizeof *scalars; i++) {
             float value;
 
@@ -1054,7 +1201,6 @@ typedef struct {
 
 typedef struct {
     sn_builder *b;
-    size_t texture_count;
     sn_array later, later_corners;          /* sn_later, sn_corner */
     bool unmet[3];                          /* faces have indices of a kind of which the file has none at all */
 } sn_obj;
@@ -1117,23 +1263,25 @@ static void sn_obj_normal(sn_obj *o, const char *p)
     sn_add_normal(b, n[0], n[1], n[2]);
 }
 
-/* Texture coordinates are not used: they only have to be numbers. */
+/* u, v and w, of which w is not used; what is not finite is 0. Coordinates even if the line is malformed, for the indices of others. */
 static void sn_obj_texture(sn_obj *o, const char *p)
 {
-    float unused;
+    float uv[2] = { 0, 0 }, number = 0;
     int count = 0;
 
-    o->texture_count++;
     for (p = sn_skip(p); !sn_at_end(p); p = sn_skip(p), count++) {
-        sn_kind kind = sn_number(&p, &unused);
+        const char *end = p;
+        sn_kind kind = sn_number(&end, &number);
 
         if (kind == SN_NOT_A_NUMBER) {
             sn_fail_number(o->b, "vt", p, kind);
-            return;
+            break;
         }
+        if (count < 2 && kind == SN_NUMBER) uv[count] = number;
         p = sn_token_end(p);
     }
-    if (count == 0) sn_fail(o->b, "vt: 1 number expected, not 0");
+    if (count == 0 && sn_at_end(p)) sn_fail(o->b, "vt: 1 number expected, not 0");
+    sn_add_texcoord(o->b, uv[0], uv[1]);
 }
 
 /* Reads an index from 1, or one from -1 that counts backwards from what has been given. *greatest keeps the greatest one, from 1. */
@@ -1162,7 +1310,7 @@ SCENE_HOT bool sn_obj_index(sn_builder *b, const char **at, const char *token, c
 static bool sn_obj_check(sn_obj *o, const sn_later *face)
 {
     const struct { const char *what; size_t index, count; } kinds[] = {
-        { "vertex", face->v, o->b->vertices.count }, { "texture", face->t, o->texture_count }, { "normal", face->n, o->b->normals.count }
+        { "vertex", face->v, o->b->vertices.count }, { "texture", face->t, o->b->texcoords.count }, { "normal", face->n, o->b->normals.count }
     };
     size_t i;
 
@@ -1188,14 +1336,18 @@ static void sn_obj_face(sn_obj *o, const char *p)
     for (p = sn_skip(p); !sn_at_end(p); p = sn_skip(p)) {
         const char *token = p;
         sn_corner *corner = (sn_corner *)sn_add(b, &b->corners, sizeof *corner, 1);
-        uint32_t unused;
+        uint32_t texcoord = 0;
 
         if (!corner) return;
         corner->n = RT_NONE;
+        corner->t = 0;
         if (!sn_obj_index(b, &p, token, "vertex", b->vertices.count, &corner->v, &face.v)) return;
         if (*p == '/') {
             p++;
-            if (*p != '/' && !sn_is_break(*p) && !sn_obj_index(b, &p, token, "texture", o->texture_count, &unused, &face.t)) return;
+            if (*p != '/' && !sn_is_break(*p)) {
+                if (!sn_obj_index(b, &p, token, "texture", b->texcoords.count, &texcoord, &face.t)) return;
+                corner->t = texcoord + 1;
+            }
             if (*p == '/') {
                 p++;
                 if (!sn_is_break(*p)) {
@@ -1220,7 +1372,7 @@ static void sn_obj_face(sn_obj *o, const char *p)
         sn_warn(b, "f: only some corners have a normal; the face is flat");
         for (i = 0; i < face.corner_count; i++) corners[i].n = RT_NONE;
     }
-    if (face.v <= b->vertices.count && face.t <= o->texture_count && face.n <= b->normals.count) {
+    if (face.v <= b->vertices.count && face.t <= o->b->texcoords.count && face.n <= b->normals.count) {
         if (face.corner_count == 3) sn_add_triangle(b, corners[0], corners[1], corners[2]);
         else sn_add_polygon(b, corners, face.corner_count);
         return;
@@ -1253,6 +1405,9 @@ static void sn_obj_finish(sn_obj *o)
         memcpy((uint32_t *)b->triangles.data + 3 * face->triangle, (uint32_t *)b->triangles.data + 3 * added, bytes);
         if (b->triangle_normals.count > 0)
             memcpy((uint32_t *)b->triangle_normals.data + 3 * face->triangle, (uint32_t *)b->triangle_normals.data + 3 * added, bytes);
+        if (b->triangle_texcoords.count > 0)
+            memcpy((uint32_t *)b->triangle_texcoords.data + 3 * face->triangle, (uint32_t *)b->triangle_texcoords.data + 3 * added, bytes);
+        if (b->triangle_texcoords.count > added) b->triangle_texcoords.count = added;
         b->triangles.count = b->triangle_materials.count = added;
         if (b->triangle_normals.count > added) b->triangle_normals.count = added;
     }
@@ -1543,6 +1698,7 @@ static bool sn_nff_corners(sn_nff *r, bool normals)
         if (!sn_nff_numbers(r, x, normals ? 6 : 3)) return false;
         corner = (sn_corner *)sn_add(b, &b->corners, sizeof *corner, 1);
         if (!corner) break;
+        corner->t = 0;
         corner->v = (uint32_t)b->vertices.count;
         corner->n = normals ? (uint32_t)b->normals.count : RT_NONE;
         sn_add_vertex(b, sn_nff_vec3(x));
@@ -1612,8 +1768,8 @@ static void sn_add_cone(sn_builder *b, rt_vec3 base, float base_radius, rt_vec3 
     }
     for (i = 0; i < SIDES; i++) {
         const uint32_t j = (i + 1) % SIDES;
-        const sn_corner base_i = { first + 2 * i, first_normal + i }, base_j = { first + 2 * j, first_normal + j };
-        const sn_corner apex_i = { first + 2 * i + 1, first_normal + i }, apex_j = { first + 2 * j + 1, first_normal + j };
+        const sn_corner base_i = { first + 2 * i, first_normal + i, 0 }, base_j = { first + 2 * j, first_normal + j, 0 };
+        const sn_corner apex_i = { first + 2 * i + 1, first_normal + i, 0 }, apex_j = { first + 2 * j + 1, first_normal + j, 0 };
 
         if (base_radius > 0) sn_add_triangle(b, base_i, base_j, apex_i);
         if (apex_radius > 0) sn_add_triangle(b, apex_i, base_j, apex_j);
@@ -1741,6 +1897,7 @@ static void sn_add_face(sn_builder *b, const rt_vec3 *points, uint32_t count)
         sn_add_vertex(b, points[i]);
         corners[i].v = first + i;
         corners[i].n = RT_NONE;
+        corners[i].t = 0;
     }
     if (b->no_memory) return;
     sn_add_polygon(b, corners, count);
@@ -2037,6 +2194,7 @@ static void sn_make_terrain(sn_builder *b, uint64_t size)
 
             for (n = 0; n < 4; n++) {
                 c[n].v = c[n].n = (uint32_t)v[n];
+                c[n].t = 0;
                 lake = lake && points[3 * v[n] + 2] <= 0;
             }
             if (lake) sn_set_mirror(b, "lake", sn_vec3(1, 1, 1), 0.4f, 60);
@@ -2077,7 +2235,7 @@ static void sn_make_sphere(sn_builder *b, uint64_t size)
             const uint32_t next = (i + 1) % sides, below = (j - 1) * sides, above = j * sides;
             const uint32_t v[4] = { j > 0 ? below + i : south, j > 0 ? below + next : south, j + 1 < rows ? above + i : north,
                                     j + 1 < rows ? above + next : north };
-            const sn_corner c[4] = { { v[0], v[0] }, { v[1], v[1] }, { v[2], v[2] }, { v[3], v[3] } };
+            const sn_corner c[4] = { { v[0], v[0], 0 }, { v[1], v[1], 0 }, { v[2], v[2], 0 }, { v[3], v[3], 0 } };
 
             if (j > 0) sn_add_triangle(b, c[0], c[2], c[1]);
             if (j + 1 < rows) sn_add_triangle(b, c[1], c[2], c[3]);
@@ -2187,6 +2345,105 @@ static void sn_make_glass(sn_builder *b, uint64_t size)
     b->shapes++;
 }
 
+/* A quad with texture coordinates from (0, 0) in its first corner to size in its third. */
+static void sn_add_textured(sn_builder *b, const rt_vec3 corner[4], float size)
+{
+    const uint32_t first = (uint32_t)b->vertices.count, texcoord = (uint32_t)b->texcoords.count + 1;
+    sn_corner c[4];
+    uint32_t i;
+
+    for (i = 0; i < 4; i++) {
+        sn_add_vertex(b, corner[i]);
+        sn_add_texcoord(b, i == 1 || i == 2 ? size : 0, i >= 2 ? size : 0);
+        c[i].v = first + i;
+        c[i].n = RT_NONE;
+        c[i].t = texcoord + i;
+    }
+    sn_add_triangle(b, c[0], c[1], c[2]);
+    sn_add_triangle(b, c[0], c[2], c[3]);
+    b->shapes++;
+}
+
+static void sn_wear(sn_builder *b, rt_texture texture, bool bump, float height)
+{
+    const uint32_t number = sn_add_texture(b, texture);
+    sn_material *m = &((sn_material *)b->materials.data)[b->material];
+
+    if (number == RT_NONE || b->no_memory) return;
+    if (bump) {
+        m->bump = number;
+        m->told.bump_height = m->shiny.bump_height = height;
+    } else m->texture = number;
+}
+
+/* Bricks, as an image of 96 x 96 pixels. */
+static rt_texture sn_bricks(sn_builder *b)
+{
+    enum { SIDE = 96 };
+    rt_texture texture;
+    rt_vec3 *pixels = (rt_vec3 *)malloc(SIDE * SIDE * sizeof *pixels), *levels;
+    int x, y;
+
+    memset(&texture, 0, sizeof texture);
+    texture.width = texture.height = SIDE;
+    texture.levels = levels = (rt_vec3 *)malloc(rt_count_texture_levels(SIDE, SIDE) * sizeof *levels);
+    if (!pixels || !levels) b->no_memory = true;
+    for (y = 0; y < SIDE && !b->no_memory; y++)
+        for (x = 0; x < SIDE; x++) {
+            const int row = y / 24, across = (x + row % 2 * 24) % 48, brick = (x + row % 2 * 24) / 48 % 2 + 2 * row;
+            const bool mortar = y % 24 < 3 || across < 3;
+            const float shade = 0.8f + 0.05f * (float)(brick * 5 % 7);
+
+            pixels[y * SIDE + x] = mortar ? sn_vec3(0.6f, 0.58f, 0.55f) : sn_vec3(0.5f * shade, 0.16f * shade, 0.1f * shade);
+        }
+    if (!b->no_memory) rt_make_texture_levels(pixels, SIDE, SIDE, levels);
+    free(pixels);
+    return texture;
+}
+
+static void sn_make_textures(sn_builder *b, uint64_t size)
+{
+    static const rt_vec3 ground[4] = { { -400, 0, 400 }, { 400, 0, 400 }, { 400, 0, -400 }, { -400, 0, -400 } };
+    static const rt_vec3 wall[4] = { { -4, 0, -2 }, { -1.2f, 0, -3.2f }, { -1.2f, 2.4f, -3.2f }, { -4, 2.4f, -2 } };
+    rt_texture checker, marble, waves;
+
+    (void)size;
+    memset(&checker, 0, sizeof checker);
+    memset(&marble, 0, sizeof marble);
+    memset(&waves, 0, sizeof waves);
+    checker.kind = RT_TEXTURE_CHECKER;
+    checker.colors[0] = sn_vec3(0.85f, 0.85f, 0.8f);
+    checker.colors[1] = sn_vec3(0.12f, 0.15f, 0.2f);
+    marble.kind = waves.kind = RT_TEXTURE_NOISE;
+    marble.solid = waves.solid = true;
+    marble.size = 0.6f;
+    marble.colors[0] = sn_vec3(0.05f, 0.2f, 0.12f);
+    marble.colors[1] = sn_vec3(0.9f, 0.95f, 0.85f);
+    waves.size = 0.25f;
+    sn_set_background(b, sn_vec3(0.45f, 0.6f, 0.85f));
+    b->ambient = sn_vec3(0.22f, 0.22f, 0.25f);
+    sn_set_camera(b, sn_vec3(0, 1.5f, 4.5f), sn_vec3(0, 0.9f, 0), sn_vec3(0, 1, 0), 45);
+    sn_add_light(b, sn_vec3(-6, 10, 8), sn_vec3(0.8f, 0.78f, 0.74f));
+    sn_set_phong(b, "ground", sn_vec3(1, 1, 1), 0, 1);
+    sn_wear(b, checker, false, 0);
+    sn_add_textured(b, ground, 800);
+    sn_set_phong(b, "bricks", sn_vec3(1, 1, 1), 0, 1);
+    sn_wear(b, sn_bricks(b), false, 0);
+    sn_add_textured(b, wall, 2);
+    sn_set_phong(b, "marble", sn_vec3(1, 1, 1), 0.4f, 60);
+    sn_wear(b, marble, false, 0);
+    sn_add_sphere(b, sn_vec3(-0.2f, 0.8f, -0.6f), 0.8f);
+    sn_set_phong(b, "bumps", sn_vec3(0.8f, 0.55f, 0.2f), 0.5f, 40);
+    sn_wear(b, waves, true, 0.08f);
+    sn_add_sphere(b, sn_vec3(1.6f, 0.7f, 0.3f), 0.7f);
+    checker.size = 0.0625f;
+    sn_set_phong(b, "globe", sn_vec3(0.9f, 0.9f, 0.9f), 0.3f, 60);
+    sn_wear(b, checker, false, 0);
+    sn_add_sphere(b, sn_vec3(2.2f, 1, -2.8f), 1);
+    b->shapes += 3;
+}
+
+
 /* THE table of procedural scenes: name, least and greatest N (0: takes none), N when left out, function, what --help says. The
    greatest N keep a scene below 2^32 vertices and some 15 GB. */
 #define SCENE_PROCEDURAL_LIST(X)                                                                                                       \
@@ -2198,7 +2455,8 @@ static void sn_make_glass(sn_builder *b, uint64_t size)
     X("terrain", 2, 100000000, 200000,  sn_make_terrain,  "terrain:N    mountains around a lake: about N triangles")                   \
     X("sphere",  8, 100000000, 10000,   sn_make_sphere,   "sphere:N     a closed sphere mesh: about N triangles")                     \
     X("mirrors", 1, 100, 4,             sn_make_mirrors,  "mirrors:N    N rows of balls between two mirrors")                         \
-    X("glass",   1, 100, 3,             sn_make_glass,    "glass:N      N x N balls and a block of glass on a chequered floor")
+    X("glass",   1, 100, 3,             sn_make_glass,    "glass:N      N x N balls and a block of glass on a chequered floor")       \
+    X("textures", 0, 0, 0,              sn_make_textures, "textures     images, checkers, noise and bumps, from here to the horizon")
 
 #define SN_PROCEDURAL_ROW(name, least, most, fallback, make, help) { name, least, most, fallback, make },
 #define SN_PROCEDURAL_HELP(name, least, most, fallback, make, help) "  " help "\n"
@@ -2218,7 +2476,7 @@ static void sn_make(sn_builder *b)
     while (i < rows && (strlen(sn_procedurals[i].name) != length || strncmp(sn_procedurals[i].name, name, length) != 0)) i++;
     if (i == rows) {
         sn_fail(b, "neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N, mirrors:N, "
-                "glass:N");
+                "glass:N, textures");
         return;
     }
     if (!colon) {
@@ -2305,12 +2563,18 @@ SCENE_API void scene_default_lights(const rt_camera *camera, rt_light lights[2])
 
 SCENE_API void scene_free(scene *s)
 {
+    size_t i;
+
     free(s->vertices);
     free(s->indices);
     free(s->spheres);
     free(s->normals);
     free(s->normal_indices);
     free(s->colors);
+    free(s->texcoords);
+    free(s->texcoord_indices);
+    for (i = 0; i < s->texture_count; i++) free((void *)s->textures[i].levels);
+    free(s->textures);
     free(s->materials);
     free(s->shiny_materials);
     free(s->material_names);
@@ -2346,7 +2610,21 @@ static void sn_fill_materials(sn_builder *b)
         material = (sn_material *)sn_add(b, &b->materials, sizeof *material, 1);
         if (!material) return;
         material->told = material->shiny = sn_grey();
+        material->texture = material->bump = RT_NONE;
     }
+}
+
+/* Triangles at the end without texture coordinates, and those that name some which never came, have none. */
+static void sn_drop_texcoords(sn_builder *b)
+{
+    size_t missing = b->triangle_texcoords.count ? b->triangles.count - b->triangle_texcoords.count : 0, i, k;
+    uint32_t *t = missing ? (uint32_t *)sn_add(b, &b->triangle_texcoords, 3 * sizeof *t, missing) : NULL;
+
+    if (t) memset(t, 0xff, missing * 3 * sizeof *t);
+    t = (uint32_t *)b->triangle_texcoords.data;
+    for (i = 0; i < b->triangle_texcoords.count; i++, t += 3)
+        for (k = 0; k < 3; k++)
+            if (t[0] != RT_NONE && t[k] >= b->texcoords.count) t[0] = RT_NONE;
 }
 
 /* Hands all over to *out, or sets b->no_memory. */
@@ -2373,7 +2651,16 @@ static void sn_finish(sn_builder *b, scene *out)
         snprintf(out->material_names[i], sizeof *out->material_names, "%s", i < named ? sn_name_text(&b->material_names, i) : "(none)");
         out->materials[i] = from->told;
         out->shiny_materials[i] = from->shiny;
+        if (from->texture != RT_NONE) out->materials[i].texture = out->shiny_materials[i].texture = (rt_texture *)b->textures.data + from->texture;
+        if (from->bump != RT_NONE) out->materials[i].bump = out->shiny_materials[i].bump = (rt_texture *)b->textures.data + from->bump;
     }
+    out->textures = (rt_texture *)b->textures.data;         /* not trimmed: the materials point there */
+    out->texture_count = b->textures.count;
+    memset(&b->textures, 0, sizeof b->textures);
+    if (out->texture_count == 0 || b->texcoords.count == 0) b->triangle_texcoords.count = 0;
+    sn_drop_texcoords(b);
+    out->texcoord_indices = (uint32_t *)sn_take(&b->triangle_texcoords, 3 * sizeof(uint32_t));
+    if (out->texcoord_indices) out->texcoords = (float *)sn_take(&b->texcoords, 2 * sizeof(float));
     if (b->normals.count == 0) b->triangle_normals.count = 0;
     if (b->zero_normals) sn_flatten(b);
     out->geometry.vertex_count = b->vertices.count;
@@ -2464,6 +2751,8 @@ SCENE_API rt_scene scene_view(const scene *s, const rt_accel *accel)
     view.normals = s->normals;
     view.normal_indices = s->normal_indices;
     view.colors = s->colors;
+    view.texcoords = s->texcoords;
+    view.texcoord_indices = s->texcoord_indices;
     view.materials = s->materials;
     view.material_count = s->material_count;
     view.material_ids = s->material_ids;

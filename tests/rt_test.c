@@ -6348,7 +6348,8 @@ static void rtt_test_obj_materials(void)
         CHECK(loader_vec3(loader_material(4)->diffuse, 0, 1, 1));
         CHECK(loader_vec3(loader_material(5)->specular, 0, 0, 0));              /* illum 1 */
         CHECK(loader_vec3(loader_material(6)->diffuse, 0.5f, 0.5f, 0.5f));      /* the name is empty */
-        CHECK(loader.s.warnings == 2 && strstr(loader.s.warning, "a.mtl:26: Kd: 'spectral' colours are not supported"));
+        CHECK(loader.s.warnings == 4 && strstr(loader.s.warning, "a.mtl:14: map_Kd: '") && strstr(loader.s.warning, "a b.png' is no .ppm"));
+        CHECK(one->texture == NULL && one->bump == NULL && one->bump_height == 2 && loader.s.texture_count == 0 && !loader.s.texcoords);
         CHECK(strcmp(loader.s.material_names[loader.s.material_ids[2]], "with  blanks") == 0);
         loader_unload();
     }
@@ -6596,7 +6597,7 @@ static void rtt_test_nff_errors(void)
 }
 
 #define NO_SUCH_SCENE "neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N, " \
-                      "mirrors:N, glass:N\n"
+                      "mirrors:N, glass:N, textures\n"
 
 static void rtt_test_procedural(void)
 {
@@ -6610,7 +6611,8 @@ static void rtt_test_procedural(void)
         { "tetra:1", 4, 0, 4 }, { "tetra:4", 256, 0, 256 }, { "tetra:6", 4096, 0, 4096 },
         { "cloud:1", 1, 0, 1 }, { "cloud:1000", 1000, 0, 1000 }, { "terrain:2", 2, 0, 2 }, { "terrain:20000", 20000, 0, 20000 },
         { "sphere:8", 8, 0, 8 }, { "sphere:1000", 960, 0, 960 }, { "sphere:100000", 100488, 0, 100488 },
-        { "mirrors:1", 116, 3, 61 }, { "mirrors:4", 440, 12, 232 }, { "glass:1", 140, 2, 72 }, { "glass:3", 300, 10, 160 }
+        { "mirrors:1", 116, 3, 61 }, { "mirrors:4", 440, 12, 232 }, { "glass:1", 140, 2, 72 }, { "glass:3", 300, 10, 160 },
+        { "textures", 4, 3, 5 }
     };
     static const struct { const char *name, *report; } bad[] = {
         { "balls:0", "balls:0: balls:N needs a whole N from 1 to 8\n" }, { "balls:9", "balls:9: balls:N needs a whole N from 1 to 8\n" },
@@ -8070,6 +8072,389 @@ static void rtt_test_distribution_errors(void)
     rtt_stage_free(&stage);
 }
 
+/* ---- >>textures: filtered, bumped, loaded --------------------------------------------------------------------------- */
+
+static rt_texture rtt_texture(rt_texture_kind kind, bool solid, float size)
+{
+    rt_texture texture;
+
+    memset(&texture, 0, sizeof texture);
+    texture.kind = kind, texture.solid = solid, texture.size = size;
+    texture.colors[0] = rtt_v(0.1f, 0.2f, 0.9f), texture.colors[1] = rtt_v(0.9f, 0.8f, 0.3f);
+    return texture;
+}
+
+/* Every level is the mean of what it stands for, whatever the size of the image; so all have one mean. */
+static void rtt_test_texture_levels(void)
+{
+    static const int sizes[][2] = { { 1, 1 }, { 2, 2 }, { 8, 8 }, { 16, 2 }, { 1, 9 }, { 7, 5 }, { 100, 37 }, { 33, 1 } };
+    rtt_random random = rtt_stream();
+
+    for (size_t i = 0; i < RTT_COUNT(sizes); i++) {
+        int width = sizes[i][0], height = sizes[i][1];
+        size_t count = (size_t)width * (size_t)height, all = rt_count_texture_levels(width, height), at = 0;
+        rt_vec3 *pixels = (rt_vec3 *)rtt_array(count, sizeof *pixels), *levels = (rt_vec3 *)rtt_array(all + 1, sizeof *levels);
+        double mean = 0;
+
+        for (size_t k = 0; k < count; k++) {
+            pixels[k] = rtt_point(&random, rtt_v(0.5f, 0.5f, 0.5f), 0.5f);
+            mean += (double)pixels[k].x / (double)count;
+        }
+        levels[all] = rtt_v(-7, -7, -7);
+        rt_make_texture_levels(pixels, width, height, levels);
+        CHECK(memcmp(pixels, levels, count * sizeof *pixels) == 0 && levels[all].x == -7);
+        while (at < all) {
+            double sum = 0;
+
+            for (int k = 0; k < width * height; k++)
+                sum += (double)levels[at + (size_t)k].x / (width * height);
+            CHECK(fabs(sum - mean) < 1e-5);
+            at += (size_t)width * (size_t)height;
+            width = width > 1 ? width / 2 : 1, height = height > 1 ? height / 2 : 1;
+        }
+        CHECK(at == all);
+        free(pixels);
+        free(levels);
+    }
+    CHECK(!rt_count_texture_levels(0, 4) && !rt_count_texture_levels(4, -1) && !rt_count_texture_levels(16385, 1)
+          && rt_count_texture_levels(16384, 16384) == ((size_t)4 << 28) / 3 + 0);
+}
+
+/* What is seen of a spot equals the mean of many points of it, within what the filter's shape may differ. */
+static void rtt_test_texture_filter(void)
+{
+    rtt_random random = rtt_stream();
+    rt_vec3 *pixels = (rt_vec3 *)rtt_array(64 * 64, sizeof *pixels), *levels = (rt_vec3 *)rtt_array(rt_count_texture_levels(64, 64), sizeof *levels);
+
+    for (int i = 0; i < 64 * 64; i++)
+        pixels[i] = rtt_mul(rtt_v(1, 1, 1), (i / 64 / 8 + i % 64 / 8) % 2 ? 0.9f : 0.2f);
+    rt_make_texture_levels(pixels, 64, 64, levels);
+    for (int kind = 0; kind < RT_TEXTURE_COUNT; kind++) {
+        double worst = 0, sum = 0;
+
+        for (int i = 0; i < 300; i++) {
+            rt_texture texture = rtt_texture((rt_texture_kind)kind, false, kind == RT_TEXTURE_CHECKER ? 0.125f : 0.5f);
+            float width = powf(2, -1 - 7 * (0.5f + 0.5f * rtt_signed(&random))), long_axis = width * (float)(1 + 3 * (i % 3));
+            rti_spot spot, point;
+            double mean = 0;
+            rt_vec3 seen;
+
+            texture.levels = levels, texture.width = texture.height = 64;
+            if (kind == RT_TEXTURE_IMAGE)
+                texture.size = 0;
+            memset(&spot, 0, sizeof spot);
+            spot.at[0] = 3 * rtt_signed(&random), spot.at[1] = 3 * rtt_signed(&random);
+            spot.axes[0][i % 2] = long_axis, spot.axes[1][1 - i % 2] = width;
+            seen = rti_look_at_texture(&texture, &spot);
+            for (int k = 0; k < 4096; k++) {
+                point = spot;
+                memset(point.axes, 0, sizeof point.axes);
+                point.at[i % 2] += long_axis * (((float)(k % 64) + 0.5f) / 64 - 0.5f);
+                point.at[1 - i % 2] += width * (((float)(k / 64) + 0.5f) / 64 - 0.5f);
+                point.axes[0][0] = point.axes[1][1] = 1e-5f;
+                mean += (double)rti_look_at_texture(&texture, &point).x / 4096;
+            }
+            worst = fmax(worst, fabs((double)seen.x - mean));
+            sum += fabs((double)seen.x - mean) / 300;
+        }
+        if (!(worst < (kind == RT_TEXTURE_CHECKER ? 0.02 : 0.25) && sum < (kind == RT_TEXTURE_CHECKER ? 0.004 : 0.05)))
+            rtt_fail("texture %d: off by %g at most, %g on average", kind, worst, sum);
+    }
+    for (int kind = 0; kind < RT_TEXTURE_COUNT; kind++)            /* a huge spot has the mean; odd coordinates are colours too */
+        for (int i = 0; i < 200; i++) {
+            rt_texture texture = rtt_texture((rt_texture_kind)kind, kind != RT_TEXTURE_IMAGE && i % 2, 1);
+            float far = i % 5 == 4 ? 1e30f : powf(10, (float)(i % 12) - 4);
+            rti_spot spot;
+            rt_vec3 seen;
+
+            texture.levels = levels, texture.width = texture.height = 64;
+            memset(&spot, 0, sizeof spot);
+            for (int k = 0; k < 3; k++)
+                spot.at[k] = far * rtt_signed(&random);
+            spot.axes[0][0] = i % 3 ? 1e4f : 1e-4f, spot.axes[1][1] = i % 3 == 1 ? 1e4f : 1e-4f;
+            seen = rti_look_at_texture(&texture, &spot);
+            CHECK(seen.x >= 0 && seen.x <= 1 && seen.y >= 0 && seen.z >= 0);
+            if (i % 3 == 1)
+                CHECK(fabsf(seen.x - (kind == RT_TEXTURE_IMAGE ? 0.55f : 0.5f)) < 2e-3f);
+        }
+    free(pixels);
+    free(levels);
+}
+
+/* A chequered floor to the horizon: one sample a pixel of a camera that moves by parts of a pixel changes a little where fields are small; its points do
+   so much more. Far away it has the mean colour. */
+static void rtt_test_texture_shimmer(void)
+{
+    enum { SIDE = 64 };
+    static rt_vec3 pixels[9][SIDE * SIDE];
+    rt_texture texture = rtt_texture(RT_TEXTURE_CHECKER, false, 1);
+    double spread[2] = { 0, 0 };
+
+    for (int filtered = 0; filtered < 2; filtered++) {
+        rtt_stage stage;
+        rt_render_options options;
+
+        memset(&stage, 0, sizeof stage);
+        stage.materials[0] = rtt_material(rtt_gray(1), rtt_gray(0), rtt_gray(0), rtt_gray(0), 0, false);
+        stage.materials[0].texture = &texture;
+        rtt_ground(&stage.model, rtt_origin, rtt_v(0, 1, 0), 0);
+        rtt_stage_build(&stage);
+        stage.scene.ambient = rtt_gray(1);
+        memset(&options, 0, sizeof options);
+        options.width = options.height = SIDE;
+        for (int i = 0; i < 9; i++) {
+            rti_render r;
+
+            stage.scene.camera = (rt_camera){ { 0.31f, 1, 0.2f }, { 0.31f, 0.9f, -1 }, { 0, 1, 0 }, 50 };
+            stage.scene.camera.look.x += 0.0015f * (float)(i % 3), stage.scene.camera.look.y += 0.0015f * (float)(i / 3);
+            if (filtered) {
+                CHECK_STATUS(rt_render_tile(&stage.scene, &options, 0, 0, SIDE, SIDE, pixels[i], NULL), RT_OK);
+                continue;
+            }
+            (void)r;
+            for (int k = 0; k < SIDE * SIDE; k++) {                /* points */
+                rt_ray ray = rt_camera_ray(&stage.scene.camera, (float)(k % SIDE) + 0.5f, (float)(k / SIDE) + 0.5f, SIDE, SIDE);
+                rti_spot spot;
+                rt_hit hit;
+
+                memset(&spot, 0, sizeof spot);
+                pixels[i][k] = rtt_gray(0.5f);
+                if (!rt_intersect(stage.accel, &ray, &hit))
+                    continue;
+                spot.at[0] = ray.org.x + hit.t * ray.dir.x, spot.at[1] = ray.org.z + hit.t * ray.dir.z;
+                pixels[i][k] = rti_look_at_texture(&texture, &spot);
+            }
+        }
+        for (int k = SIDE * SIDE / 2; k < SIDE * SIDE * 5 / 8; k++) {       /* below the horizon */
+            double low = 2, high = -1;
+
+            for (int i = 0; i < 9; i++) {
+                low = fmin(low, (double)pixels[i][k].x);
+                high = fmax(high, (double)pixels[i][k].x);
+            }
+            spread[filtered] += (high - low) / (SIDE * SIDE / 8);
+        }
+        if (filtered)                       /* just below the horizon, which is 3.4 rows above the middle */
+            for (int k = (SIDE / 2 - 3) * SIDE; k < (SIDE / 2 - 2) * SIDE; k++)
+                CHECK(fabsf(pixels[0][k].x - 0.5f) < 0.06f);
+        rtt_stage_free(&stage);
+    }
+    if (!(spread[1] < 0.12 && spread[0] > 3 * spread[1]))
+        rtt_fail("colours change by %g, unfiltered by %g", spread[1], spread[0]);
+}
+
+/* A raised sphere, its normal by bump mapping against that of the surface which really stands there: the gradient of the height, by differences. */
+static void rtt_test_bump(void)
+{
+    rt_texture texture = rtt_texture(RT_TEXTURE_NOISE, true, 0.7f);
+    rtt_random random = rtt_stream();
+    rt_material material;
+    double worst = 0, tilt = 0;
+
+    memset(&material, 0, sizeof material);
+    texture.colors[0] = rtt_gray(0), texture.colors[1] = rtt_gray(1);
+    material.bump = &texture, material.bump_height = 0.05f;
+    for (int i = 0; i < 500; i++) {
+        const rt_vec3 n = rti_normalize(rtt_point(&random, rtt_origin, 1));
+        const float e = 0.03f;             /* more than the least step, a 32nd of a wave */
+        rt_vec3 steps[2], x, y, truth = n, bumped;
+        rti_mapping m = rti_map_sphere(n);
+
+        rti_frame(n, &x, &y);
+        steps[0] = rti_scale(x, e), steps[1] = rti_scale(y, e);
+        for (int k = 0; k < 2; k++) {
+            const rt_vec3 along = k ? y : x, a = rti_add(n, rti_scale(along, e / 2)), b = rti_sub(n, rti_scale(along, e / 2));
+            const float pa[3] = { a.x / 0.7f, a.y / 0.7f, a.z / 0.7f }, pb[3] = { b.x / 0.7f, b.y / 0.7f, b.z / 0.7f };
+
+            truth = rti_sub(truth, rti_scale(along, 0.05f * (rti_noise(pa, e / 0.7f) - rti_noise(pb, e / 0.7f)) / e));
+        }
+        truth = rti_normalize(truth);
+        bumped = rti_bump(&material, &m, n, n, steps);
+        worst = fmax(worst, (double)rti_largest(rti_sub(truth, bumped)));
+        tilt += (double)(1 - rti_dot(n, bumped)) / 500;
+        CHECK(fabsf(rti_dot(bumped, bumped) - 1) < 1e-5f);
+        steps[0] = rti_scale(x, 50), steps[1] = rti_scale(y, 50);       /* far away: waves too short to be seen */
+        CHECK(rti_dot(n, rti_bump(&material, &m, n, n, steps)) > 0.9999f);
+    }
+    CHECK(worst < 1e-4 && tilt > 1e-3);
+}
+
+/* Texture coordinates: of spheres all around, of triangles those given or the weights, in space steps are those of the coordinates. */
+static void rtt_test_texture_mapping(void)
+{
+    const float uv[] = { 0, 0, 2, 0, 0, 3 };
+    const uint32_t given[] = { 0, 1, 2 }, none[] = { RT_NONE, 0, 0 };
+    rtt_random random = rtt_stream();
+    rt_scene seen;
+    rt_hit hit;
+    rti_mapping m;
+
+    memset(&seen, 0, sizeof seen);
+    memset(&hit, 0, sizeof hit);
+    m = rti_map_sphere(rtt_v(2, 0, 0));
+    CHECK(m.u == 0.5f && m.v == 0.5f);
+    m = rti_map_sphere(rtt_v(0, 3, 0));
+    CHECK(m.v == 1 && m.u >= 0 && m.u <= 1 && isfinite(m.across[0].x));
+    m = rti_map_sphere(rtt_v(0, 0, 1));
+    CHECK(fabsf(m.u - 0.75f) < 1e-6f);
+    for (int i = 0; i < 300; i++) {         /* a small step changes u and v as across says */
+        rt_vec3 p = rti_scale(rti_normalize(rtt_point(&random, rtt_origin, 1)), 2), x, y, step;
+        rti_mapping a, b;
+
+        if (fabsf(p.y) > 1.8f || p.x < -1.8f)
+            continue;
+        rti_frame(rti_scale(p, 0.5f), &x, &y);
+        step = rti_scale(rti_add(rti_scale(x, rtt_signed(&random)), rti_scale(y, rtt_signed(&random))), 0.004f);
+        a = rti_map_sphere(p), b = rti_map_sphere(rti_add(p, step));
+        CHECK(fabsf(b.u - a.u - rti_dot(step, a.across[0])) < 1e-5f && fabsf(b.v - a.v - rti_dot(step, a.across[1])) < 1e-5f);
+    }
+    seen.texcoords = uv, seen.texcoord_indices = given;
+    hit.u = 0.25f, hit.v = 0.5f;
+    m = rti_map_triangle(&seen, &hit, rtt_v(4, 0, 0), rtt_v(1, 2, 0));
+    CHECK(m.u == 0.5f && m.v == 1.5f);
+    CHECK(fabsf(rti_dot(m.across[0], rtt_v(4, 0, 0)) - 2) < 1e-6f && fabsf(rti_dot(m.across[1], rtt_v(4, 0, 0))) < 1e-6f
+          && fabsf(rti_dot(m.across[0], rtt_v(1, 2, 0))) < 1e-6f && fabsf(rti_dot(m.across[1], rtt_v(1, 2, 0)) - 3) < 1e-6f);
+    seen.texcoord_indices = none;
+    m = rti_map_triangle(&seen, &hit, rtt_v(4, 0, 0), rtt_v(1, 2, 0));
+    CHECK(m.u == 0.25f && m.v == 0.5f);
+    m = rti_map_plane(rtt_v(0, 7, 0), rtt_v(3, 0, -4));
+    CHECK(m.u == 3 && m.v == 4);
+}
+
+static void rtt_test_texture_check(void)
+{
+    static const char *const words[] = { "kind", "size", "size", "color", "0 x 8", "without levels", "solid", "bump_height", "texcoord" };
+    rtt_stage stage;
+    rt_error error;
+
+    memset(&stage, 0, sizeof stage);
+    rtt_stage_quad(&stage, rtt_v(-1, 0, -1), rtt_v(0, 0, 2), rtt_v(2, 0, 0), 1);
+    rtt_stage_build(&stage);
+    for (int i = 0; i < 9; i++) {
+        rt_texture texture = rtt_texture(i >= 4 && i < 7 ? RT_TEXTURE_IMAGE : RT_TEXTURE_NOISE, false, 1);
+        rt_vec3 level[200];
+        float uv[2] = { 0, 0 };
+
+        texture.width = texture.height = 8, texture.levels = level;
+        if (i == 0) texture.kind = (rt_texture_kind)77;
+        if (i == 1) texture.size = -1;
+        if (i == 2) texture.size = NAN;
+        if (i == 3) texture.colors[1].y = -1;
+        if (i == 4) texture.width = 0;
+        if (i == 5) texture.levels = NULL;
+        if (i == 6) texture.solid = true;
+        memset(&stage.materials[2], 0, sizeof stage.materials[2]);
+        stage.materials[2].texture = i % 2 ? &texture : NULL;
+        stage.materials[2].bump = i % 2 ? NULL : &texture;
+        stage.materials[2].bump_height = i == 7 ? INFINITY : 0;
+        stage.scene.texcoords = i == 8 ? uv : NULL;
+        CHECK_STATUS(rt_check_scene(&stage.scene, &error), RT_ERROR_ARGUMENT);
+        if (!strstr(error.message, words[i]) || (i < 8 && !strstr(error.message, "material 2")))
+            rtt_fail("%d: %s", i, error.message);
+    }
+    rtt_stage_free(&stage);
+}
+
+/* The same picture from any algorithm and tile, with textures on meshes, spheres and planes, and within instances. */
+static void rtt_test_texture_ways(void)
+{
+    enum { WIDTH = 33, HEIGHT = 29, PIXELS = WIDTH * HEIGHT };
+    static rt_vec3 want[PIXELS], got[PIXELS];
+    rt_texture checker = rtt_texture(RT_TEXTURE_CHECKER, false, 0.5f), noise = rtt_texture(RT_TEXTURE_NOISE, true, 0.3f);
+    rtt_model child = { 0 };
+    rtt_stage stage;
+    rtt_accels accels;
+    rt_scene part;
+    rt_geometry inner;
+    const rt_scene *parts[1] = { &part };
+    rt_render_options options;
+
+    memset(&stage, 0, sizeof stage);
+    memset(&part, 0, sizeof part);
+    stage.materials[0] = rtt_material(rtt_v(0.6f, 0.5f, 0.4f), rtt_gray(0), rtt_gray(0.3f), rtt_gray(0), 0, false);
+    stage.materials[0].texture = &checker, stage.materials[0].bump = &noise, stage.materials[0].bump_height = 0.05f;
+    rtt_ground(&stage.model, rtt_origin, rtt_v(0, 1, 0), 0);
+    rtt_quad(&stage.model, rtt_v(-2, 0, -1), rtt_v(4, 0, 0), rtt_v(0, 2, -0.5f));
+    rtt_ball(&stage.model, rtt_v(1, 0.6f, 0.5f), 0.6f);
+    rtt_ball(&child, rtt_origin, 0.4f);
+    rtt_place(&stage.model, &child, rtt_v(1, 2, 1), rtt_v(-1, 0.8f, 0.5f));
+    inner = rtt_geometry(&child);
+    part.accel = child.accel, part.geometry = &inner, part.materials = &stage.materials[0], part.material_count = 1;
+    stage.scene.parts = parts;
+    rtt_stage_build(&stage);
+    stage.light.position = rtt_v(3, 8, 5), stage.light.color = rtt_gray(0.8f), stage.scene.light_count = 1;
+    stage.scene.ambient = rtt_gray(0.2f);
+    stage.scene.camera = (rt_camera){ { 1, 2, 5 }, { 0, 0.7f, 0 }, { 0, 1, 0 }, 45 };
+    memset(&options, 0, sizeof options);
+    options.width = WIDTH, options.height = HEIGHT, options.depth = 3;
+    CHECK_STATUS(rt_render_tile(&stage.scene, &options, 0, 0, WIDTH, HEIGHT, want, NULL), RT_OK);
+    if (!rtt_accels_build(&accels, &stage.model))
+        rtt_die("a stage does not build");
+    for (size_t w = 0; w < rtt_way_count; w += rtt_ways[w].large ? 7 : 1) {
+        memset(got, 0xff, sizeof got);
+        options.trace = rtt_ways[w].options;
+        stage.scene.accel = rtt_accels_for(&accels, &rtt_ways[w]);
+        for (int y = 0; y < HEIGHT; y += 17)
+            for (int x = 0; x < WIDTH; x += 13)
+                CHECK_STATUS(rt_render_tile(&stage.scene, &options, x, y, x + 13 < WIDTH ? x + 13 : WIDTH, y + 17 < HEIGHT ? y + 17 : HEIGHT,
+                                            got, NULL), RT_OK);
+        if (memcmp(want, got, sizeof want) != 0)
+            rtt_fail("%s: another picture", rtt_ways[w].label);
+    }
+    stage.scene.accel = stage.accel;
+    rtt_accels_free(&accels);
+    rtt_stage_free(&stage);
+    rtt_model_free(&child);
+}
+
+static void rtt_test_obj_textures(void)
+{
+    static const char square[] = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1 0\nvt 0.25 nan\nusemtl m\n";
+    char text[1024];
+
+    loader_write("t.ppm", "P6\n2 1\n255\n\xff\xff\xff" "abc");
+    loader_write("a.mtl", "newmtl m\nKd 1 1 1\nmap_Kd t.ppm\nbump -bm 0.5 t.ppm\n");
+    snprintf(text, sizeof text, "%sf 1/1 2/2 3/3 4/4\nf 1 2 3\nf -4/-4 -3/-3 -2/-2\n", square);
+    if (loader_text("t.obj", text, 4, 4, 0, 3)) {
+        const rt_material *m = loader_material(0);
+
+        CHECK(loader.s.texture_count == 1 && m->texture == loader.s.textures && m->bump == m->texture && m->bump_height == 0.5f);
+        CHECK(m->texture->kind == RT_TEXTURE_IMAGE && m->texture->width == 2 && m->texture->height == 1 && m->texture->levels[0].x == 1);
+        CHECK(loader.s.texcoord_indices && loader.s.texcoord_indices[5] == 3 && loader.s.texcoord_indices[6] == RT_NONE
+              && loader.s.texcoord_indices[9] == 0 && loader.s.texcoord_indices[11] == 2);
+        CHECK(loader.s.texcoords[4] == 1 && loader.s.texcoords[6] == 0.25f && loader.s.texcoords[7] == 0);
+        loader_unload();
+    }
+    loader_write("a.mtl", "newmtl m\nmap_Kd -s 2 2 -clamp on -o 0.5 t.ppm\n");      /* three options that are not supported */
+    if (loader_text("t.obj", text, 4, 4, 0, 3)) {
+        CHECK(loader.s.warnings == 3 && loader_material(0)->texture && strstr(loader.s.warning, "a.mtl:2: map_Kd: -s is not supported"));
+        loader_unload();
+    }
+    {
+        static const struct { const char *mtl, *ppm, *error; } bad[] = {
+            { "map_Kd missing.ppm", NULL, "missing.ppm: cannot read it" }, { "map_Kd u.ppm", "P6\n2 2\n255\nabc", "ends too early" },
+            { "bump u.ppm", "P3\n1 1\n255\n1 2 3", "not a P6 picture" }, { "map_Bump u.ppm", "", "not a P6 picture" },
+            { "map_Kd u.ppm", "P6\n0 5\n255\nabcabc", "not a P6 picture" }, { "map_Kd -s", NULL, "-s lacks its number" },
+        };
+
+        for (size_t i = 0; i < RTT_COUNT(bad); i++) {
+            char mtl[128];
+
+            snprintf(mtl, sizeof mtl, "newmtl m\n%s\n", bad[i].mtl);
+            loader_write("a.mtl", mtl);
+            if (bad[i].ppm)
+                loader_write("u.ppm", bad[i].ppm);
+            loader_write("t.obj", text);
+            if (loader_load(loader_path("t.obj"))) {
+                rtt_fail("%s loads", bad[i].mtl);
+                loader_unload();
+            } else if (!strstr(loader.error.message, "a.mtl:2: ") || !strstr(loader.error.message, bad[i].error))
+                rtt_fail("%s: %s", bad[i].mtl, loader.error.message);
+        }
+    }
+    loader_clear();
+}
+
 /* ---- >>main ----------------------------------------------------------------------------------------------------------- */
 
 static const rtt_test rtt_tests[] = {
@@ -8160,6 +8545,14 @@ static const rtt_test rtt_tests[] = {
     { "distribution.streak", rtt_test_streak },
     { "distribution.ways", rtt_test_distribution_ways },
     { "distribution.errors", rtt_test_distribution_errors },
+    { "textures.levels", rtt_test_texture_levels },
+    { "textures.filter", rtt_test_texture_filter },
+    { "textures.shimmer", rtt_test_texture_shimmer },
+    { "textures.bump", rtt_test_bump },
+    { "textures.mapping", rtt_test_texture_mapping },
+    { "textures.check", rtt_test_texture_check },
+    { "textures.ways", rtt_test_texture_ways },
+    { "loaders.obj.textures", rtt_test_obj_textures },
     { "shading.large-triangles", rtt_test_large_triangles },
     { "shading.camera", rtt_test_camera },
     { "shading.render", rtt_test_render },
