@@ -3355,7 +3355,7 @@ static rti_box rti_leaf_box(const rt_accel *accel, const rt_geometry *geo, const
 
    To throw a child with two children of its own back to its parent saves one test for each ray in the parent and costs two for each that
    misses the child: it pays where the child's surface is more than half of the parent's. */
-#define RTI_BRANCHING 16                    /* the defaults; measured, see tests/bench_lohr.h */
+#define RTI_BRANCHING 4                     /* the defaults; measured, see tests/bench_lohr.h */
 #define RTI_ORDERS 8
 #define RTI_THROW_BACK 0.5
 
@@ -3600,28 +3600,48 @@ static rt_status rti_thread(rt_accel *accel, const rt_geometry *geo, const rt_bu
     return RT_OK;
 }
 
-/* Bounds from the primitives, for >>refit: each list of links visits children before what follows their parent, so backwards all is there. Spheres are
-   made anew from all that is below them, O(n log n), as rti_thread does: spheres around spheres would grow at each level. */
+/* The sphere of an inner node from those of the leaves below it, nodes[at + 1] to nodes[end - 1], around the middle of their box. Spheres around spheres
+   of inner nodes would grow at each level. */
+static void rti_set_outer_sphere(rti_node *nodes, size_t at, size_t end, rti_box *box)
+{
+    float *sphere = nodes[at].bounds;
+    double most = 0;
+    size_t i;
+    int k;
+    for (i = at + 1; i < end; i++) {
+        const float *b = nodes[i].bounds;
+        const float lo[4] = { b[0] - b[3], b[1] - b[3], b[2] - b[3], 0 }, hi[4] = { b[0] + b[3], b[1] + b[3], b[2] + b[3], 0 };
+        if (nodes[i].count) rti_box_grow(box, lo, hi);
+    }
+    for (k = 0; k < 3; k++) sphere[k] = 0.5f * box->lo[k] + 0.5f * box->hi[k];
+    for (i = at + 1; i < end; i++) {
+        const double x = (double)nodes[i].bounds[0] - (double)sphere[0], y = (double)nodes[i].bounds[1] - (double)sphere[1];
+        const double z = (double)nodes[i].bounds[2] - (double)sphere[2], reach = nodes[i].count ? sqrt(x * x + y * y + z * z) : 0;
+        if (nodes[i].count && reach + (double)nodes[i].bounds[3] > most) most = reach + (double)nodes[i].bounds[3];
+    }
+    sphere[3] = rti_float_up(most * 1.0000005);
+}
+
+/* Bounds from the primitives, for >>refit: nodes stand in depth-first order, so backwards all that is below one is there. */
 static void rti_rebound(rt_accel *accel, const rt_geometry *geo)
 {
     const rti_link *const links = accel->links;
+    rti_box whole = rti_empty_box;
     size_t i;
     int k;
     for (i = accel->node_count; i-- > 0;) {
         rti_node *node = &accel->nodes[i];
+        const size_t end = links[i].miss == RTI_END ? accel->node_count : links[i].miss;
         rti_box box = rti_empty_box;
-        size_t j, end = links[i].miss == RTI_END ? accel->node_count : links[i].miss;
-        if (accel->bounds == RT_BOUNDS_SPHERES) {
-            for (j = i; j < end; j++)
-                if (accel->nodes[j].count) {
-                    const rti_box leaf = rti_leaf_box(accel, geo, &accel->nodes[j]);
-                    rti_box_grow(&box, leaf.lo, leaf.hi);
-                }
-            rti_set_sphere(accel, geo, (const char *)node, (const char *)(accel->nodes + end), sizeof *node, &box, node->bounds);
-        } else if (node->count) {
+        size_t j;
+        if (node->count) {
             box = rti_leaf_box(accel, geo, node);
-            rti_set_bounds(node, &box);
-        } else {
+            rti_box_grow(&whole, box.lo, box.hi);
+            if (accel->bounds == RT_BOUNDS_SPHERES)
+                rti_set_sphere(accel, geo, (const char *)node, (const char *)(node + 1), sizeof *node, &box, node->bounds);
+            else rti_set_bounds(node, &box);
+        } else if (accel->bounds == RT_BOUNDS_SPHERES) rti_set_outer_sphere(accel->nodes, i, end, &box);
+        else {
             for (j = i + 1; j < end; j = links[j].miss == RTI_END ? accel->node_count : links[j].miss) {
                 const float *b = accel->nodes[j].bounds;
                 const float lo[4] = { b[0], b[1], b[2], 0 }, hi[4] = { b[3], b[4], b[5], 0 };
@@ -3629,11 +3649,10 @@ static void rti_rebound(rt_accel *accel, const rt_geometry *geo)
             }
             rti_set_bounds(node, &box);
         }
-        if (i) continue;
-        for (k = 0; k < 3; k++) {
-            accel->lower[k] = box.lo[k];
-            accel->upper[k] = box.hi[k];
-        }
+    }
+    for (k = 0; k < 3; k++) {
+        accel->lower[k] = whole.lo[k];
+        accel->upper[k] = whole.hi[k];
     }
 }
 
@@ -5459,10 +5478,10 @@ static float rti_field_mean(float at, float width)
 }
 
 /* The gradient at a lattice point, one of 12 (Perlin 2002), times the way from it. */
-static float rti_lattice(const int cell[3], int corner, const float off[3])
+RTI_INLINE float rti_lattice(const int cell[3], int corner, const float off[3])
 {
-    const uint32_t hash = rti_hash_next(rti_hash_next(rti_hash_next(0x52a3u, (uint32_t)(cell[0] + (corner & 1))),
-                                                      (uint32_t)(cell[1] + (corner >> 1 & 1))), (uint32_t)(cell[2] + (corner >> 2)));
+    const uint32_t x_hash = (uint32_t)(cell[0] + (corner & 1)) * 0x8da6b343u, y_hash = (uint32_t)(cell[1] + (corner >> 1 & 1)) * 0xd8163841u;
+    const uint32_t hash = rti_hash(x_hash ^ y_hash ^ (uint32_t)(cell[2] + (corner >> 2)) * 0xcb1ab31fu);
     const float x = off[0] - (float)(corner & 1), y = off[1] - (float)(corner >> 1 & 1), z = off[2] - (float)(corner >> 2);
     const uint32_t pair = (hash >> 8) % 3;
     const float a = pair == 0 ? x : y, b = pair == 2 ? x : z;       /* xz, yz, yx */
@@ -5612,14 +5631,14 @@ static rti_spot rti_spot_of(const rt_texture *texture, const rti_mapping *m, rt_
     return spot;
 }
 
-static float rti_height_at(const rt_texture *texture, const rti_mapping *m, rt_vec3 point, const rt_vec3 steps[2], rt_vec3 step)
+static float rti_height_at(const rt_texture *texture, const rti_mapping *m, rt_vec3 point, const rt_vec3 round[2], rt_vec3 step)
 {
     rti_mapping there = *m;
     rti_spot spot;
     rt_vec3 color;
     there.u += rti_dot(step, m->across[0]);
     there.v += rti_dot(step, m->across[1]);
-    spot = rti_spot_of(texture, &there, rti_add(point, step), steps);
+    spot = rti_spot_of(texture, &there, rti_add(point, step), round);
     color = rti_look_at_texture(texture, &spot);
     return (color.x + color.y + color.z) * 0.333333333f;
 }
@@ -5631,8 +5650,11 @@ static rt_vec3 rti_bump(const rt_material *material, const rti_mapping *m, rt_ve
     const rt_texture *texture = material->bump;
     const float size = texture->size > 0 ? texture->size : 1, most = (float)(texture->width > texture->height ? texture->width : texture->height);
     const float least = texture->kind == RT_TEXTURE_IMAGE ? 0.5f / most : size / 32;
-    rt_vec3 bumped = normal;
+    const float long2 = rti_dot(steps[0], steps[0]), short2 = rti_dot(steps[1], steps[1]);
+    rt_vec3 bumped = normal, round[2];      /* where the axes differ much, a circle between them: one look at the texture, not many */
     int i;
+    round[0] = rti_scale(rti_normalize(steps[0]), sqrtf(sqrtf(long2 * short2)));
+    round[1] = rti_scale(rti_normalize(steps[1]), sqrtf(sqrtf(long2 * short2)));
     for (i = 0; i < 2; i++) {
         const float length = sqrtf(rti_dot(steps[i], steps[i]));
         const rt_vec3 along = rti_normalize(steps[i]);
@@ -5642,7 +5664,7 @@ static rt_vec3 rti_bump(const rt_material *material, const rti_mapping *m, rt_ve
         float slope;
         if (!(step > 0)) continue;
         half = rti_scale(along, 0.5f * step);
-        slope = (rti_height_at(texture, m, point, steps, half) - rti_height_at(texture, m, point, steps, rti_scale(half, -1))) / step;
+        slope = (rti_height_at(texture, m, point, round, half) - rti_height_at(texture, m, point, round, rti_scale(half, -1))) / step;
         bumped = rti_sub(bumped, rti_scale(along, slope * material->bump_height));
     }
     return rti_normalize(bumped);

@@ -2,7 +2,7 @@
    come from, on our machine.    SPDX-License-Identifier: MIT OR Unlicense
 
    >>vectors  >>rays  >>entries  >>embree  >>arguments  >>measure  >>output  >>plots  >>scenes  >>speed, bench_horn.h,
-   bench_overbeck.h, >>main
+   bench_overbeck.h, bench_lohr.h, >>main
 
    How the numbers are made
      rays       One array for each scene and kind, made once, given to every algorithm in the same order. Primary rays of a pinhole, in
@@ -419,11 +419,23 @@ typedef struct {
     X(OVERBECK_AUTO,    "overbeck.auto",    "what auto picks, beside the best fixed choice")        \
     X(OVERBECK_THREADS, "overbeck.threads", "frames on one thread and on two")
 
+#define LOHR_TABLES(X)                                                                              \
+    X(LOHR_NEIGHBOURS, "lohr.2",       "Figure 2: coherent and incoherent neighbours")              \
+    X(LOHR_COHERENCE,  "lohr.4",       "Figure 4: k rays of a pixel together")                      \
+    X(LOHR_FRAMES,     "lohr.6",       "Figure 6: whole frames, parallel against naive")            \
+    X(LOHR_WIDTHS,     "lohr.width",   "which width of the tree is best")                           \
+    X(LOHR_ORDERS,     "lohr.orders",  "one list of links or one for each octant of directions")    \
+    X(LOHR_BOUNDS,     "lohr.bounds",  "boxes against spheres")                                     \
+    X(LOHR_SCALING,    "lohr.scaling", "cost against the number of primitives")                     \
+    X(LOHR_UPDATE,     "lohr.update",  "1,000 moving transforms re-inserted")
+
 #define TABLE_ENUM(id, word, what) id,
 #define TABLE_WORD(id, word, what) word,
 enum { HORN_TABLES(TABLE_ENUM) HORN_TABLE_COUNT };
 enum { OVERBECK_TABLES(TABLE_ENUM) OVERBECK_TABLE_COUNT };
-static const char *const paper_words[] = { "speed", "horn", HORN_TABLES(TABLE_WORD) "overbeck", OVERBECK_TABLES(TABLE_WORD) };
+enum { LOHR_TABLES(TABLE_ENUM) LOHR_TABLE_COUNT };
+static const char *const paper_words[] = { "speed", "horn", HORN_TABLES(TABLE_WORD) "overbeck", OVERBECK_TABLES(TABLE_WORD)
+                                           "lohr", LOHR_TABLES(TABLE_WORD) };
 enum { PAPER_WORDS = sizeof paper_words / sizeof *paper_words };
 
 static bool complain(const char *format, ...) __attribute__((format(printf, 1, 2)));
@@ -668,6 +680,8 @@ static void print_help(void)
     HORN_TABLES(TABLE_HELP)
     printf("  overbeck           all of Overbeck et al. 2008, large packets of rays:\n");
     OVERBECK_TABLES(TABLE_HELP)
+    printf("  lohr               all of Lohr 2009, the stackless hierarchy:\n");
+    LOHR_TABLES(TABLE_HELP)
     printf("\nalgorithms\n");
     for (i = 0; (info = rt_algorithm_get(i)) != NULL; i++)
         printf("  %-21s %s%s\n", info->name, info->what, info->built ? "" : " (not built yet)");
@@ -1341,6 +1355,7 @@ static bool speed_tables(const arguments *given, pool *threads)
 
 #include "bench_horn.h"
 #include "bench_overbeck.h"
+#include "bench_lohr.h"
 
 /* ---- >>main --------------------------------------------------------------------------------------------------------- */
 
@@ -1357,6 +1372,7 @@ int main(int argc, char **argv)
         if (threads && listed(a.papers, "speed")) ok = speed_tables(&a, threads) && ok;
         if (threads) ok = horn_tables(&a, threads) && ok;
         if (threads) ok = overbeck_tables(&a, threads) && ok;
+        if (threads) ok = lohr_tables(&a, threads) && ok;
     }
     pool_destroy(threads);
     free(a.scenes);
