@@ -22,7 +22,7 @@ need = @command -v $(1) >/dev/null || $(SUDO) apt-get install -y -q $(2) >/dev/n
         { $(SUDO) apt-get update -q >/dev/null 2>&1; $(SUDO) apt-get install -y -q $(2) >/dev/null 2>&1; } || \
         { echo "make: $(1) is missing and cannot be installed from here: install the package $(2)"; exit 1; }
 
-all: $(B)/render $(B)/hello $(B)/bench $(B)/rt_test
+all: $(B)/render $(B)/animate $(B)/hello $(B)/bench $(B)/rt_test
 
 COMPILE = $(CC) -std=c99 $(WARN) $(FLAGS_$(config)) $(CFLAGS) -I. -MMD -MP -MF $@.d -o $@ $<
 $(B)/%: examples/%.c | $(B)
@@ -35,7 +35,7 @@ $(B) out:
 	@mkdir -p $@
 -include $(wildcard $(B)/*.d)
 
-demo: $(B)/render $(B)/hello | out
+demo: $(B)/render $(B)/animate $(B)/hello | out
 	$(B)/hello
 	$(B)/render cornell         -o out/cornell.ppm --size 720x720  --spp 16
 	$(B)/render balls:5         -o out/balls.ppm   --size 960x720  --spp 9
@@ -46,6 +46,9 @@ demo: $(B)/render $(B)/hello | out
 	$(B)/render sphere:20000    -o out/sphere.ppm  --size 720x720  --spp 9
 	$(B)/render mirrors:4       -o out/mirrors.ppm --size 960x720  --spp 9 --depth 20
 	$(B)/render glass:4         -o out/glass.ppm   --size 960x720  --spp 9 --depth 10
+	$(B)/render textures        -o out/textures.ppm --size 960x640 --spp 9
+	$(B)/render balls:4         -o out/lens.ppm    --size 960x720  --spp 64 --lens 0.06 --light-radius 0.6
+	$(B)/animate -o out/animate --frames 6 --fps 6
 
 test: all
 	$(B)/rt_test
