@@ -58,7 +58,7 @@ bench: $(B)/bench | out
 
 # Sanitizers see every test; valgrind, 30 times slower, those that matter for memory; the thread sanitizer those with threads.
 VALGRIND_TESTS = hits.mixed hits.spheres hits.short instances.deep instances.bad rays refit build.layouts build.quality kdtree.nested kdtree.options \
-                 options stats shading raster.memory raster.errors raster.render loaders.obj.errors loaders.obj.numbers loaders.nff
+                 threaded.nested motion.bad ground.bad textures.check options stats shading raster.memory raster.errors raster.render loaders.obj.errors loaders.obj.numbers loaders.obj.textures loaders.nff
 THREAD_TESTS   = threads build.parallel shading.render raster.render
 check:
 	$(call need,valgrind,valgrind)
