@@ -22,7 +22,7 @@ need = @command -v $(1) >/dev/null || $(SUDO) apt-get install -y -q $(2) >/dev/n
         { $(SUDO) apt-get update -q >/dev/null 2>&1; $(SUDO) apt-get install -y -q $(2) >/dev/null 2>&1; } || \
         { echo "make: $(1) is missing and cannot be installed from here: install the package $(2)"; exit 1; }
 
-all: $(B)/render $(B)/hello $(B)/bench $(B)/rt_test
+all: $(B)/render $(B)/animate $(B)/hello $(B)/bench $(B)/rt_test
 
 COMPILE = $(CC) -std=c99 $(WARN) $(FLAGS_$(config)) $(CFLAGS) -I. -MMD -MP -MF $@.d -o $@ $<
 $(B)/%: examples/%.c | $(B)
@@ -35,7 +35,7 @@ $(B) out:
 	@mkdir -p $@
 -include $(wildcard $(B)/*.d)
 
-demo: $(B)/render $(B)/hello | out
+demo: $(B)/render $(B)/animate $(B)/hello | out
 	$(B)/hello
 	$(B)/render cornell         -o out/cornell.ppm --size 720x720  --spp 16
 	$(B)/render balls:5         -o out/balls.ppm   --size 960x720  --spp 9
@@ -46,6 +46,9 @@ demo: $(B)/render $(B)/hello | out
 	$(B)/render sphere:20000    -o out/sphere.ppm  --size 720x720  --spp 9
 	$(B)/render mirrors:4       -o out/mirrors.ppm --size 960x720  --spp 9 --depth 20
 	$(B)/render glass:4         -o out/glass.ppm   --size 960x720  --spp 9 --depth 10
+	$(B)/render textures        -o out/textures.ppm --size 960x640 --spp 9
+	$(B)/render balls:4         -o out/lens.ppm    --size 960x720  --spp 64 --lens 0.06 --light-radius 0.6
+	$(B)/animate -o out/animate --frames 6 --fps 6
 
 test: all
 	$(B)/rt_test
@@ -55,7 +58,7 @@ bench: $(B)/bench | out
 
 # Sanitizers see every test; valgrind, 30 times slower, those that matter for memory; the thread sanitizer those with threads.
 VALGRIND_TESTS = hits.mixed hits.spheres hits.short instances.deep instances.bad rays refit build.layouts build.quality kdtree.nested kdtree.options \
-                 options stats shading raster.memory raster.errors raster.render loaders.obj.errors loaders.obj.numbers loaders.nff
+                 threaded.nested motion.bad ground.bad textures.check options stats shading raster.memory raster.errors raster.render loaders.obj.errors loaders.obj.numbers loaders.obj.textures loaders.nff
 THREAD_TESTS   = threads build.parallel shading.render raster.render
 check:
 	$(call need,valgrind,valgrind)

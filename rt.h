@@ -943,6 +943,7 @@ typedef struct { uint32_t hit, miss; } rti_link;            /* of a leaf both ar
 
 typedef struct { float v[9]; uint32_t prim; } rti_triangle;
 typedef struct { float center[3], radius; uint32_t prim; } rti_ball;
+#if RTI_INSTANCES
 typedef struct {
     const rt_accel *accel;
     float transform[12], inverse[12];       /* object to world, and back, at time 0 */
@@ -950,6 +951,7 @@ typedef struct {
     bool moves;                             /* then: */
     rt_motion motion;
 } rti_instance;
+#endif
 typedef struct { float point[3], normal[3], radius; uint32_t prim; } rti_ground;
 
 typedef char rti_check_ray[sizeof(rt_ray) == 32 ? 1 : -1];
@@ -3520,7 +3522,7 @@ static uint32_t rti_link_up(const rti_threader *t, uint32_t at, uint32_t next)
 static rt_status rti_thread(rt_accel *accel, const rt_geometry *geo, const rt_build_options *opt)
 {
     const size_t n = accel->node_count, branching = opt->branching ? (size_t)opt->branching : RTI_BRANCHING;
-    const double part = opt->throw_back ? (double)opt->throw_back : RTI_THROW_BACK;
+    const double part = opt->throw_back != 0 ? (double)opt->throw_back : RTI_THROW_BACK;
     rti_node *nodes;
     rti_threader t;
     int axes[3] = { 0, 1, 2 }, o, i, j;
@@ -4570,11 +4572,11 @@ static uint32_t rti_hash(uint32_t x)
     return x ^ x >> 16;
 }
 
-static uint32_t rti_hash_next(uint32_t hash, uint32_t x) { return rti_hash(hash + x * 0x9e3779b9u + 0x7f4a7c15u); }
-
 #endif
 
 #if RTI_SAMPLING
+
+static uint32_t rti_hash_next(uint32_t hash, uint32_t x) { return rti_hash(hash + x * 0x9e3779b9u + 0x7f4a7c15u); }
 
 static float rti_unit_float(uint32_t x) { return (float)(x >> 8) * (1.0f / 16777216); }
 
@@ -5601,6 +5603,7 @@ static rti_mapping rti_map_sphere(rt_vec3 out)
     return m;
 }
 
+#if RTI_PLANES
 static rti_mapping rti_map_plane(rt_vec3 normal, rt_vec3 from)
 {
     rti_mapping m;
@@ -5609,6 +5612,7 @@ static rti_mapping rti_map_plane(rt_vec3 normal, rt_vec3 from)
     m.v = rti_dot(from, m.across[1]);
     return m;
 }
+#endif
 
 /* Two half axes of an ellipse, of which each is parallel to the tangents where the other ends, become its own axes, at right angles, the first the
    long one: what an affine map makes of the axes of an ellipse are the former. */
@@ -6878,7 +6882,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_kdring RTI_NAME_(rti_kdring)
 #define rti_kd_push RTI_NAME_(rti_kd_push)
 #define rti_kd_cross RTI_NAME_(rti_kd_cross)
-#define rti_kd_hit_run RTI_NAME_(rti_kd_hit_run)
+#define rti_hit_run RTI_NAME_(rti_hit_run)
 #define rti_kd_hit_leaf RTI_NAME_(rti_kd_hit_leaf)
 #define rti_kd_stack_body RTI_NAME_(rti_kd_stack_body)
 #define rti_kd_restart_body RTI_NAME_(rti_kd_restart_body)
@@ -7807,6 +7811,16 @@ RTI_FN unsigned rti_hit_leaf(const rt_accel *accel, rti_packet *p, unsigned lane
 #endif
 }
 
+#if RTI_KDTREE || RTI_THREADED
+/* Any primitives of one kind; not inlined, since a copy in every walk would be most of the code. */
+RTI_NOINLINE RTI_TARGET unsigned rti_hit_run(const rt_accel *accel, rti_packet *p, unsigned lanes, const uint32_t *slots, uint32_t first,
+                                             uint32_t count, uint32_t inst, const rti_job *job)
+{
+    if (job->query == RT_ANY) return rti_hit_leaf(accel, p, lanes, slots, first, count, inst, RTI_WALK_ALL | RTI_WALK_ANY, job);
+    return rti_hit_leaf(accel, p, lanes, slots, first, count, inst, RTI_WALK_ALL, job);
+}
+#endif
+
 /* Depth first, near child first, the far child on a stack with where each ray enters it. Answers the lanes that hit something.
    A box entered at just the t of the best hit is still visited: what is in it may have a lower id. */
 RTI_FN unsigned rti_walk_body(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const int flags, const rti_job *job)
@@ -8001,14 +8015,6 @@ RTI_FN unsigned rti_kd_cross(const rti_kdray *r, const rti_kdnode *nodes, const 
         RTI_TALLY(job->stats, flags, steps, 1);                                                         \
     } while (0)
 
-/* Any primitives of one kind; not inlined, since a copy in every walk would be most of the code. */
-RTI_NOINLINE RTI_TARGET unsigned rti_kd_hit_run(const rt_accel *accel, rti_packet *p, unsigned lanes, const uint32_t *slots, uint32_t count,
-                                                uint32_t inst, const rti_job *job)
-{
-    if (job->query == RT_ANY) return rti_hit_leaf(accel, p, lanes, slots, 0, count, inst, RTI_WALK_ALL | RTI_WALK_ANY, job);
-    return rti_hit_leaf(accel, p, lanes, slots, 0, count, inst, RTI_WALK_ALL, job);
-}
-
 RTI_FN unsigned rti_kd_hit_leaf(const rt_accel *accel, rti_packet *p, unsigned lanes, const rti_kdnode *leaf, uint32_t inst,
                                 const int flags, const rti_job *job)
 {
@@ -8017,7 +8023,7 @@ RTI_FN unsigned rti_kd_hit_leaf(const rt_accel *accel, rti_packet *p, unsigned l
     RTI_TALLY(job->stats, flags, leaves, rti_bit_count(lanes));
     if (!(flags & RTI_WALK_ALL)) return rti_hit_leaf(accel, p, lanes, slots, 0, count, inst, flags, job);
     RTI_TALLY(job->stats, flags, prims, n * (uint32_t)rti_bit_count(lanes));
-    if (count >> RTI_KIND_SHIFT != RTI_MIXED) return rti_kd_hit_run(accel, p, lanes, slots, count, inst, job);
+    if (count >> RTI_KIND_SHIFT != RTI_MIXED) return rti_hit_run(accel, p, lanes, slots, 0, count, inst, job);
     {
         unsigned found = 0;
         uint32_t from, to;
@@ -8025,7 +8031,7 @@ RTI_FN unsigned rti_kd_hit_leaf(const rt_accel *accel, rti_packet *p, unsigned l
             const uint32_t kind = slots[from] & ~RTI_COUNT_MASK;
             unsigned hit;
             for (to = from + 1; to < n && (slots[to] & ~RTI_COUNT_MASK) == kind; to++) {}
-            found |= hit = rti_kd_hit_run(accel, p, lanes, slots + from, kind | (to - from), inst, job);
+            found |= hit = rti_hit_run(accel, p, lanes, slots + from, 0, kind | (to - from), inst, job);
             if (flags & RTI_WALK_ANY) lanes &= ~hit;
         }
         return found;
@@ -8327,7 +8333,6 @@ RTI_FN void rti_thread_start(rti_thread_state *s, const rt_accel *accel, uint32_
 RTI_FN void rti_thread_aim(const rti_thread_state *s, rti_slabs *slabs, rti_sweep *sweeps, const int groups, const int flags)
 {
     int g;
-    RTI_UNROLL
     for (g = 0; g < groups; g++) {
         if (groups > 1 && !s->live[g])      /* not prepared, since no ray goes along: only the indices must be sound */
             s->p[g].side[0] = s->p[g].side[1] = s->p[g].side[2] = 0;
@@ -8389,7 +8394,7 @@ RTI_FN void rti_thread_body(const rt_accel *root, rti_packet *p, const unsigned 
     unsigned hit[RTI_GROUPS], left = 0;
     bool moved = false;                     /* to rays that slabs and sweeps are not of */
     int g;
-    (void)job;
+    (void)job, (void)inst;
     for (g = 0; g < groups; g++) left |= s.live[g] = live[g];
     if (!left) return;
     rti_thread_start(&s, root, inst, p);
@@ -8424,8 +8429,7 @@ RTI_FN void rti_thread_body(const rt_accel *root, rti_packet *p, const unsigned 
                 const rti_link link = s.links[s.at];
                 node = s.nodes + s.at;
                 all = 0;
-                RTI_UNROLL
-                for (g = 0; g < groups; g++) {
+                            for (g = 0; g < groups; g++) {
                     const rti_v t = rti_vload(s.p[g].t);
                     if (round) hit[g] = rti_meet_sphere(&sweeps[g], node->bounds, t) & s.live[g];
                     else hit[g] = rti_hit_box(&slabs[g], node->bounds, t, &enter, &leave) & s.live[g];
@@ -8466,14 +8470,18 @@ RTI_FN void rti_thread_body(const rt_accel *root, rti_packet *p, const unsigned 
         } else
 #endif
         {
-            RTI_UNROLL
-            for (g = 0; g < groups; g++) {
-                const unsigned new_hits = hit[g] ? rti_hit_leaf(s.accel, &s.p[g], hit[g], NULL, node->index, node->count, s.inst, flags, job) : 0;
+                    for (g = 0; g < groups; g++) {
+                unsigned new_hits = 0;
+                if (groups > 1 && !hit[g]) continue;
+                if (flags & RTI_WALK_ALL) new_hits = rti_hit_run(s.accel, &s.p[g], hit[g], NULL, node->index, node->count, s.inst, job);
+                else new_hits = rti_hit_leaf(s.accel, &s.p[g], hit[g], NULL, node->index, node->count, s.inst, flags, job);
                 RTI_TALLY(job->stats, flags, leaves, rti_bit_count(hit[g]));
+                RTI_TALLY(job->stats, flags, prims, rti_leaf_count(node) * (uint32_t)rti_bit_count(hit[g]));
                 found[g] |= new_hits;
                 if (flags & RTI_WALK_ANY) s.live[g] &= ~new_hits;
             }
         }
+        (void)from;
         if (flags & RTI_WALK_ANY)
             for (g = 0, left = 0; g < groups; g++) left |= live[g] & ~found[g];
     }
@@ -10239,7 +10247,7 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec
 #undef rti_kdring
 #undef rti_kd_push
 #undef rti_kd_cross
-#undef rti_kd_hit_run
+#undef rti_hit_run
 #undef rti_kd_hit_leaf
 #undef rti_kd_stack_body
 #undef rti_kd_restart_body

@@ -19,13 +19,13 @@ int main(void) { return other() != RT_HEADER_VERSION; }
 END
 cat >$dir/two.c <<'END'
 #include "rt.h"
+#include <string.h>
 int other(void);
 int other(void)
 {
     rt_accel *accel;
     rt_geometry nothing;
-    nothing.vertices = 0, nothing.vertex_count = nothing.vertex_stride = 0, nothing.indices = 0, nothing.triangle_count = 0;
-    nothing.spheres = 0, nothing.sphere_count = 0, nothing.instances = 0, nothing.instance_count = 0;
+    memset(&nothing, 0, sizeof nothing);
     if (rt_build(&accel, &nothing, 0) != RT_OK) return 0;
     rt_free(accel);
     return RT_HEADER_VERSION;
@@ -57,8 +57,9 @@ for compiler in "gcc -std=c99" "gcc -std=c11" "gcc -std=c17" "gcc -std=gnu17" "c
 done
 
 echo "2. opt-outs, bytes of code and constants at -Os (gcc)"
-all="-DRT_NO_KDTREE -DRT_NO_SPHERES -DRT_NO_INSTANCES -DRT_NO_PACKETS -DRT_NO_STATS -DRT_NO_SHADING"
-for optout in "" -DRT_NO_SIMD -DRT_NO_KDTREE -DRT_NO_SPHERES -DRT_NO_INSTANCES -DRT_NO_PACKETS -DRT_NO_STATS -DRT_NO_SHADING "$all" "$all -DRT_NO_SIMD"; do
+all="-DRT_NO_KDTREE -DRT_NO_THREADED -DRT_NO_SPHERES -DRT_NO_INSTANCES -DRT_NO_PLANES -DRT_NO_PACKETS -DRT_NO_STATS -DRT_NO_SAMPLING -DRT_NO_SHADING"
+for optout in "" -DRT_NO_SIMD -DRT_NO_KDTREE -DRT_NO_THREADED -DRT_NO_SPHERES -DRT_NO_INSTANCES -DRT_NO_PLANES -DRT_NO_PACKETS -DRT_NO_STATS -DRT_NO_SAMPLING \
+              -DRT_NO_SHADING "$all" "$all -DRT_NO_SIMD"; do
     for compiler in "gcc -std=c99" "clang -std=c99" "g++ -x c++ -std=c++11" "clang++ -x c++ -std=c++11"; do
         $compiler -O2 $warn $optout -I. -c $dir/one.c -o $dir/optout.o || fail "$compiler $optout"
     done

@@ -17,6 +17,7 @@
 #define MAX_TRIANGLES 24
 #define MAX_SPHERES 12
 #define MAX_INSTANCES 6
+#define MAX_PLANES    3
 #define MAX_RAYS 84                         /* ten and a half packets of 8, one and a bit of 8 x 8 */
 
 typedef struct { const uint8_t *at, *end; } bytes;
@@ -87,6 +88,8 @@ typedef struct {
     uint32_t indices[MAX_TRIANGLES * 3];
     rt_sphere spheres[MAX_SPHERES];
     rt_instance instances[MAX_INSTANCES];
+    rt_motion motions[MAX_INSTANCES];
+    rt_plane planes[MAX_PLANES];
     rt_geometry geometry;
     rt_accel *accel;
     rt_accel *plain;                        /* the same as a BVH of plain ones: brute force reads its arrays */
@@ -120,6 +123,7 @@ static void point_to_arrays(level *l, bool indexed)
     l->geometry.indices = indexed ? l->indices : NULL;
     l->geometry.spheres = l->spheres;
     l->geometry.instances = l->instances;
+    l->geometry.planes = l->planes;
 }
 
 /* Moves everything of the level; the counts stay. */
@@ -135,6 +139,14 @@ static void take_shapes(level *l, bytes *in)
     for (size_t i = 0; i < g->instance_count; i++) {
         const uint32_t kind = take(in);
         for (size_t k = 0; k < 12; k++) l->instances[i].transform[k] = kind < 100 && k % 4 < 3 ? (float)(k % 5 == 0) : take_float(in);
+        l->instances[i].motion = kind % 3 == 0 ? &l->motions[i] : NULL;
+        if (kind % 3) continue;
+        take_floats(in, &l->motions[i].move.x, 9);
+        l->motions[i].angle = kind % 2 ? (float)(kind - 128) / 9 : take_float(in);
+    }
+    for (size_t i = 0; i < g->plane_count; i++) {
+        take_floats(in, &l->planes[i].point.x, 6);
+        l->planes[i].radius = take(in) & 1 ? fabsf(take_float(in)) : 0;
     }
 }
 
@@ -146,6 +158,7 @@ static void take_level(level *l, const level *lower, size_t lower_count, bytes *
     g->vertex_count = g->triangle_count ? 1 + take_below(in, 3 * MAX_TRIANGLES) : 0;
     g->sphere_count = take_below(in, MAX_SPHERES + 1);
     g->instance_count = lower_count ? take_below(in, MAX_INSTANCES + 1) : 0;
+    g->plane_count = take(in) & 3 ? 0 : take_below(in, MAX_PLANES + 1);
     point_to_arrays(l, g->triangle_count * 3 > g->vertex_count || take(in) > 64);
     take_shapes(l, in);
     for (size_t i = 0; i < g->instance_count; i++) {
@@ -181,11 +194,13 @@ static bool brute_force(const rt_accel *accel, rti_packet_1 *p, uint32_t inst)
     bool found = false;
     if (rti_hit_triangles_1(accel, p, 1, NULL, 0, (uint32_t)accel->slots[RTI_TRIANGLE], inst, 0)) found = true;
     if (rti_hit_spheres_1(accel, p, 1, NULL, 0, (uint32_t)accel->slots[RTI_SPHERE], inst, 0)) found = true;
+    if (rti_hit_planes_1(accel, p, 1, inst, &rti_plain_jobs[RT_CLOSEST])) found = true;
     for (size_t i = 0; i < accel->slots[RTI_INSTANCE]; i++) {
         const rti_instance *in = &accel->instances[i];
-        const float org[3] = { p->org[0][0], p->org[1][0], p->org[2][0] }, dir[3] = { p->dir[0][0], p->dir[1][0], p->dir[2][0] };
+        float org[3] = { p->org[0][0], p->org[1][0], p->org[2][0] }, dir[3] = { p->dir[0][0], p->dir[1][0], p->dir[2][0] };
         float to_org[3], to_dir[3];
         rti_packet_1 inner = *p;
+        if (in->moves) rti_move_back(&in->motion, p->time[0], org, dir);
         rti_transform_ray(in->inverse, org, dir, to_org, to_dir);
         memcpy(inner.org, to_org, sizeof to_org);
         memcpy(inner.dir, to_dir, sizeof to_dir);
@@ -197,10 +212,11 @@ static bool brute_force(const rt_accel *accel, rti_packet_1 *p, uint32_t inst)
     return found;
 }
 
-static void brute_force_hit(const rt_accel *accel, const rt_ray *ray, rt_query query, rt_hit *hit)
+static void brute_force_hit(const rt_accel *accel, const rt_ray *ray, float time, rt_query query, rt_hit *hit)
 {
     rti_packet_1 p;
     rti_load_rays_1(ray, &p);
+    p.time[0] = rti_clamp_time(time);
     rti_no_hits_1(&p);
     if (!rti_prepare_1(accel, &p, 1, false) || !brute_force(accel, &p, RT_NONE)) rti_set_miss(hit);
     else if (query == RT_ANY) *hit = (rt_hit){ .inst = RT_NONE };
@@ -211,8 +227,12 @@ static void brute_force_hit(const rt_accel *accel, const rt_ray *ray, rt_query q
 static rt_build_options take_options(bytes *in)
 {
     static const float costs[] = { 0, 0.01f, 1, 100 }, bonuses[] = { 0, -1, 0.5f, 1 }, duplications[] = { 0, 1, 1.5f, 16 };
-    rt_build_options options = { .structure = take(in) & 1 ? RT_KDTREE : RT_BVH, .quality = (rt_quality)take_below(in, 3) };
+    rt_build_options options = { .structure = (rt_structure)take_below(in, RT_STRUCTURE_COUNT), .quality = (rt_quality)take_below(in, 3) };
     const uint32_t flags = take(in);
+    options.bounds = flags & 4 ? RT_BOUNDS_SPHERES : RT_BOUNDS_BOXES;
+    options.branching = flags & 8 ? 2 + (int)(flags >> 4) % (RT_MAX_BRANCHING - 1) : 0;
+    options.orders = flags & 32 ? 1 << (flags & 3) : 0;
+    options.throw_back = flags & 64 ? 1e-6f : 0;
     options.reference = flags & 1;
     options.no_backtrack = flags & 2;
     options.traversal_cost = costs[take(in) & 3];
@@ -221,14 +241,15 @@ static rt_build_options take_options(bytes *in)
     return options;
 }
 
-static void trace_all(const rt_accel *accel, const rt_accel *plain, const rt_build_options *built, const rt_ray *rays, size_t count)
+static void trace_all(const rt_accel *accel, const rt_accel *plain, const rt_build_options *built, const rt_ray *rays, const float *times,
+                      size_t count)
 {
     static const int entries[] = { 0, 1, 2, RT_MAX_SHORT_STACK };
     const rt_algorithm_info *info;
     rt_hit want[MAX_RAYS], got[MAX_RAYS];
     int widths[16];
     for (int query = RT_CLOSEST; query <= RT_ANY; query++) {
-        for (size_t i = 0; i < count; i++) brute_force_hit(plain, &rays[i], (rt_query)query, &want[i]);
+        for (size_t i = 0; i < count; i++) brute_force_hit(plain, &rays[i], times[i], (rt_query)query, &want[i]);
         for (size_t a = 0; (info = rt_algorithm_get(a)) != NULL; a++) {
             const size_t tries = RT_ISA_COUNT * (info->algorithm == RT_KD_SHORTSTACK || info->culls ? sizeof entries / sizeof *entries : 1);
             if (!info->built || (info->structure != built->structure && info->structure != RT_STRUCTURE_COUNT)) continue;
@@ -238,6 +259,7 @@ static void trace_all(const rt_accel *accel, const rt_accel *plain, const rt_bui
                     const int isa = (int)(i % RT_ISA_COUNT);
                     const rt_trace_options options = { .algorithm = info->algorithm, .packet_width = widths[w], .query = (rt_query)query,
                                                        .cull = (rt_cull)(info->culls ? i / RT_ISA_COUNT : RT_CULL_NONE),
+                                                       .times = times,
                                                        .short_stack = info->culls ? 0 : entries[i / RT_ISA_COUNT], .isa = (rt_isa)isa };
                     if (rt_trace(accel, &options, rays, count, got) != RT_OK) {
                         if (isa == RT_ISA_AUTO) fail("a width of rt_packet_widths that rt_trace does not take");
@@ -290,6 +312,7 @@ static void fuzz_geometry(bytes in)
     level *top = &levels[count - 1];
     rt_build_options options = { 0 };
     rt_ray rays[MAX_RAYS];
+    float times[MAX_RAYS];
     for (size_t i = 0; i < count; i++) {
         rt_status status;
         take_level(&levels[i], levels, i, &in);
@@ -305,7 +328,8 @@ static void fuzz_geometry(bytes in)
     }
     for (size_t i = 0; i < MAX_RAYS; i++) rays[i] = take_ray(top, &in);
     bundle(rays, MAX_RAYS, &in);
-    trace_all(top->accel, top->plain, &options, rays, MAX_RAYS);
+    for (size_t i = 0; i < MAX_RAYS; i++) times[i] = take(&in) & 7 ? (float)take(&in) / 255 : take_float(&in);
+    trace_all(top->accel, top->plain, &options, rays, times, MAX_RAYS);
     if (take(&in) & 1) {
         rt_instance plain[MAX_INSTANCES];
         rt_status status;
@@ -319,7 +343,7 @@ static void fuzz_geometry(bytes in)
         use_plain(&moved, levels, count - 1);
         if (status == RT_OK && rt_refit(top->plain, &moved.geometry) != RT_OK) fail("a refit that fails for the plain tree only");
         memcpy(moved.instances, plain, sizeof plain);
-        trace_all(top->accel, top->plain, &options, rays, MAX_RAYS);
+        trace_all(top->accel, top->plain, &options, rays, times, MAX_RAYS);
     }
     for (size_t i = count; i-- > 0;) {
         rt_free(levels[i].accel);

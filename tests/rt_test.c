@@ -8508,6 +8508,270 @@ static void rtt_test_obj_textures(void)
     loader_clear();
 }
 
+/* ---- >>threaded: the stackless hierarchy ---------------------------------------------------------------------------- */
+
+static void rtt_test_threaded_options(void)
+{
+    static const struct { rt_build_options options; const char *word; } bad[] = {
+        { { .structure = RT_THREADED, .branching = 1 }, "branching is 1" }, { { .structure = RT_THREADED, .branching = -4 }, "branching" },
+        { { .structure = RT_THREADED, .branching = RT_MAX_BRANCHING + 1 }, "branching is 17" }, { { .structure = RT_THREADED, .orders = 3 }, "orders is 3" },
+        { { .structure = RT_THREADED, .orders = -1 }, "orders" }, { { .structure = RT_THREADED, .throw_back = 1.5f }, "throw_back is 1.5" },
+        { { .structure = RT_THREADED, .throw_back = NAN }, "throw_back" }, { { .structure = RT_THREADED, .bounds = (rt_bounds)9 }, "bounds 9" },
+    };
+    rtt_random random = rtt_stream();
+    rtt_model model = { 0 };
+    rt_geometry geometry;
+    rt_accel *accel;
+    rt_error error;
+
+    rtt_cloud(&model, &random, 500, rtt_origin, 1, 0.2f);
+    geometry = rtt_geometry(&model);
+    for (size_t i = 0; i < RTT_COUNT(bad); i++) {
+        rt_build_options options = bad[i].options;
+
+        options.error = &error;
+        CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_ERROR_ARGUMENT);
+        CHECK(accel == NULL && strstr(error.message, bad[i].word) != NULL);
+    }
+    for (int branching = 2; branching <= RT_MAX_BRANCHING; branching++) {       /* no wider than asked for, and that wide where it is forced to */
+        rt_build_options options;
+        size_t widest = 0;
+
+        memset(&options, 0, sizeof options);
+        options.structure = RT_THREADED, options.branching = branching, options.throw_back = 1e-6f;
+        if (!CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK))
+            continue;
+        for (uint32_t i = 0; i < accel->node_count; i++) {
+            size_t children = 0;
+
+            for (uint32_t c = accel->links[i].hit; !accel->nodes[i].count && c != accel->links[i].miss; c = accel->links[c].miss)
+                children++;
+            widest = children > widest ? children : widest;
+        }
+        CHECK(widest == (size_t)branching);
+        rt_free(accel);
+    }
+    for (int k = 0; k < 40; k++) {          /* rays together: 2, 4, 8, 16 */
+        rt_trace_options trace;
+        const bool good = k == 0 || k == 2 || k == 4 || k == 8 || k == 16;
+
+        memset(&trace, 0, sizeof trace);
+        trace.algorithm = RT_THREADED_PARALLEL, trace.packet_width = k, trace.error = &error;
+        if (!k) {
+            rt_build_options options;
+
+            memset(&options, 0, sizeof options);
+            options.structure = RT_THREADED;
+            CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK);
+        }
+        CHECK_STATUS(rt_trace(accel, &trace, NULL, 0, NULL), good ? RT_OK : RT_ERROR_ARGUMENT);
+        CHECK(good || strstr(error.message, "2, 4, 8, 16"));
+    }
+    rt_free(accel);
+    rtt_model_free(&model);
+}
+
+/* A walk that tested too much would find the same hits: what it looks at is counted. Bounds cull, the links of a ray's directions come near first, and rays
+   that go together share nodes. */
+static void rtt_test_threaded_stats(void)
+{
+    rtt_random random = rtt_stream();
+    rtt_model model = { 0 };
+    rtt_rays rays = { 0 };
+    rt_geometry geometry;
+    rt_hit *hits;
+    double boxes[4][2], prims[4][2];
+
+    rtt_cloud(&model, &random, 4000, rtt_origin, 1, 0.05f);
+    geometry = rtt_geometry(&model);
+    rtt_rays_pinhole(&rays, rtt_v(0.5f, 0.7f, 3), rtt_origin, 1, 48);     /* against the order of a single list */
+    hits = (rt_hit *)rtt_array(rays.count, sizeof *hits);
+    for (int way = 0; way < 4; way++) {     /* a BVH, boxes, boxes with one list, spheres */
+        rt_build_options options;
+        rt_accel *accel;
+
+        memset(&options, 0, sizeof options);
+        options.structure = way ? RT_THREADED : RT_BVH;
+        options.orders = way == 2 ? 1 : 0;
+        options.bounds = way == 3 ? RT_BOUNDS_SPHERES : RT_BOUNDS_BOXES;
+        if (!CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK))
+            continue;
+        for (int any = 0; any < 2; any++) {
+            rt_trace_options trace;
+            rt_stats single, together;
+
+            memset(&trace, 0, sizeof trace);
+            memset(&single, 0, sizeof single);
+            memset(&together, 0, sizeof together);
+            trace.query = any ? RT_ANY : RT_CLOSEST;
+            trace.algorithm = way ? RT_THREADED_SINGLE : RT_BVH_STACK;
+            trace.stats = &single;
+            CHECK_STATUS(rt_trace(accel, &trace, rays.ray, rays.count, hits), RT_OK);
+            CHECK(single.rays == rays.count);
+            boxes[way][any] = (double)single.boxes / (double)rays.count, prims[way][any] = (double)single.prims / (double)rays.count;
+            if (way) {
+                CHECK(single.nodes + single.leaves <= single.boxes && single.pushes == 0 && single.restarts == 0);
+                trace.algorithm = RT_THREADED_PARALLEL, trace.stats = &together;
+                for (int k = 2; k <= 16; k *= 2) {
+                    trace.packet_width = k;
+                    memset(&together, 0, sizeof together);
+                    CHECK_STATUS(rt_trace(accel, &trace, rays.ray, rays.count, hits), RT_OK);
+                    if (together.rays != rays.count || (double)together.boxes < 0.95 * (double)single.boxes || together.boxes > 4 * single.boxes)
+                        rtt_fail("way %d, %d rays together: %g boxes a ray, singly %g", way, k, (double)together.boxes / (double)rays.count,
+                                 boxes[way][any]);
+                    CHECK(together.active <= (uint64_t)k * together.steps);
+                }
+            }
+        }
+        rt_free(accel);
+    }
+    for (int any = 0; any < 2; any++) {
+        CHECK(boxes[1][any] < 1.1 * boxes[0][any] && prims[1][any] < 1.1 * prims[0][any]);
+        CHECK(boxes[3][any] < 4 * boxes[0][any] && prims[3][any] < 4 * prims[0][any]);
+    }
+    if (!(boxes[2][0] > 1.1 * boxes[1][0]))
+        rtt_fail("one list: %g boxes a ray, eight: %g", boxes[2][0], boxes[1][0]);
+    free(hits);
+    rtt_model_free(&model);
+    rtt_rays_free(&rays);
+}
+
+/* Instances in threaded trees, some in a stack's, in all nestings, entered and left: by every number of rays at a time. The same subtree twice in one
+   leaf, tiny and empty ones, and rays that are legal in some of them only. */
+static void rtt_test_threaded_nested(void)
+{
+    rtt_random random = rtt_stream();
+
+    for (int round = 0; round < 6; round++) {
+        rtt_model level[5];
+        rtt_rays rays = { 0 };
+        float matrix[12];
+
+        memset(level, 0, sizeof level);
+        for (int k = 0; k < 5; k++) {
+            level[k].structure = round % 3 == 2 && k % 2 ? RT_BVH : RT_THREADED;
+            rtt_cloud(&level[k], &random, 6, rtt_origin, 1, 0.5f);
+            rtt_ball(&level[k], rtt_point(&random, rtt_origin, 1), 0.2f);
+            for (int i = 0; k && i < 3; i++) {
+                rtt_matrix(&random, 0.7f, rtt_point(&random, rtt_origin, 0.6f), matrix);
+                rtt_instance(&level[k], &level[i == 2 && k > 1 ? k - 2 : k - 1], matrix);
+                if (i == 1)                 /* the same again */
+                    rtt_instance(&level[k], &level[k - 1], matrix);
+            }
+            if (k == 2)
+                rtt_place(&level[k], &level[0], rtt_v(1e-25f, 1e-25f, 1e-25f), rtt_origin);
+        }
+        rtt_rays_mixed(&rays, &random, rtt_origin, 2, 100);
+        for (size_t i = 0; i < rays.count; i += 7)         /* too long or short in the tiny one */
+            rays.ray[i].dir = rti_scale(rays.ray[i].dir, i % 2 ? 1e8f : 1e-8f);
+        rtt_check("threaded nested", &level[4], &rays);
+        for (int k = 4; k >= 0; k--)
+            rtt_model_free(&level[k]);
+        rtt_rays_free(&rays);
+    }
+}
+
+/* ---- >>imp: the character, and the program that moves it ------------------------------------------------------------ */
+
+static void rtt_test_imp(void)
+{
+    const rt_geometry *g = &loader.s.geometry;
+    size_t open = 0;
+
+    if (!loader_load("examples/imp.obj")) {
+        rtt_fail("%s", loader.error.message);
+        return;
+    }
+    CHECK(g->triangle_count == 882 && loader.s.shapes == 882 && g->sphere_count == 0 && loader.s.warnings == 0 && loader.s.material_count == 3);
+    CHECK(loader.s.normals && loader.s.normal_indices);
+    for (size_t i = 0; i < 3 * g->triangle_count; i++) {   /* every edge comes back the other way, once: closed */
+        const uint32_t a = g->indices[i], b = g->indices[i / 3 * 3 + (i + 1) % 3];
+        size_t back = 0, same = 0;
+
+        for (size_t j = 0; j < 3 * g->triangle_count; j++) {
+            const uint32_t c = g->indices[j], d = g->indices[j / 3 * 3 + (j + 1) % 3];
+
+            back += c == b && d == a;
+            same += c == a && d == b;
+        }
+        open += back != 1 || same != 1;
+    }
+    CHECK(open == 0);
+    for (size_t i = 0; i < g->vertex_count; i++)
+        CHECK(g->vertices[3 * i + 1] >= 0 && g->vertices[3 * i + 1] < 2.3f && fabsf(g->vertices[3 * i]) < 1.2f);
+    loader_unload();
+}
+
+/* Runs a command and answers its exit status; what it says goes to a file of the loader's folder. */
+static int rtt_run(const char *arguments, char *said, size_t size)
+{
+    char command[2048];
+    FILE *file;
+    size_t n = 0;
+    int status;
+
+    snprintf(command, sizeof command, "build/animate %s >'%s' 2>&1", arguments, loader_path("said"));
+    status = system(command);
+    file = fopen(loader_path("said"), "r");
+    if (file)
+        n = fread(said, 1, size - 1, file), fclose(file);
+    said[n] = '\0';
+    return status;
+}
+
+static bool rtt_same_files(const char *a, const char *b)
+{
+    char command[2048], first[512];
+
+    snprintf(first, sizeof first, "%s", loader_path(a));
+    snprintf(command, sizeof command, "cmp -s '%s' '%s'", first, loader_path(b));
+    return system(command) == 0;
+}
+
+static void rtt_test_animate(void)
+{
+    static const char *const bad[][2] = {
+        { "--frames 0", "--frames '0'" }, { "--size 0x4", "--size" }, { "--spp 65537", "1 to 65536" }, { "--only shine", "--only" },
+        { "--fps nan", "--fps" }, { "--first -1", "--first" }, { "--first 2147483647", "--first" }, { "--structure tree", "--structure" },
+        { "--algorithm kd.best", "--algorithm" }, { "--sampler noise", "--sampler" }, { "--bogus", "unknown option" }, { "--spp", "needs a value" },
+        { "--quiet=1", "takes no value" }, { "--instances -1", "--instances" }, { "--packet 7", "packet_width" },
+        { "--structure kdtree --algorithm bvh.stack", "kdtree" }, { "--obj no/such.obj", "no/such.obj" },
+    };
+    char said[4096], command[2048], base[512];
+
+    if (access("build/animate", X_OK) != 0)
+        return;                             /* of another configuration: not built there */
+    snprintf(base, sizeof base, "%s", loader_path("a"));
+    for (size_t i = 0; i < RTT_COUNT(bad); i++) {
+        snprintf(command, sizeof command, "-o '%s' --size 8x8 --frames 1 --spp 1 %s", base, bad[i][0]);
+        CHECK(rtt_run(command, said, sizeof said) != 0);
+        if (!strstr(said, bad[i][1]))
+            rtt_fail("animate %s: %s", bad[i][0], said);
+        snprintf(command, sizeof command, "%s0000.ppm", base);
+        CHECK(access(command, F_OK) != 0);
+    }
+    loader_write("broken.obj", "v 1 2 3\nf 1 2 3\n");
+    snprintf(command, sizeof command, "-o '%s' --size 8x8 --obj '%s'", base, loader_path("broken.obj"));
+    CHECK(rtt_run(command, said, sizeof said) != 0 && strstr(said, "broken.obj:2:"));
+    CHECK(rtt_run("-o no/such/folder/x --size 8x8", said, sizeof said) != 0 && strstr(said, "no/such/folder/x"));
+
+    /* a frame alone is that frame of the run; with any number of threads, any structure and algorithm */
+    snprintf(command, sizeof command, "-o '%s' --size 40x30 --spp 2 --frames 3 --first 5 --instances 20 --threads 1", base);
+    CHECK(rtt_run(command, said, sizeof said) == 0 && strstr(said, "update") && strstr(said, "with 0 allocations"));
+    for (int way = 0; way < 4; way++) {
+        static const char *const ways[] = { "--threads 3", "--threads 2 --structure threaded", "--structure kdtree", "--algorithm threaded.single" };
+
+        snprintf(command, sizeof command, "-o '%sb' --size 40x30 --spp 2 --frames 1 --first 6 --instances 20 --quiet %s", base, ways[way]);
+        CHECK(rtt_run(command, said, sizeof said) == 0 && said[0] == '\0');
+        if (!rtt_same_files("a0006.ppm", "ab0006.ppm"))
+            rtt_fail("animate %s: another frame", ways[way]);
+    }
+    CHECK(!rtt_same_files("a0005.ppm", "a0006.ppm"));
+    snprintf(command, sizeof command, "-o '%sb' --size 40x30 --spp 2 --frames 1 --first 6 --instances 20 --quiet --only none", base);
+    CHECK(rtt_run(command, said, sizeof said) == 0 && !rtt_same_files("a0006.ppm", "ab0006.ppm"));
+    loader_clear();
+}
+
 /* ---- >>main ----------------------------------------------------------------------------------------------------------- */
 
 static const rtt_test rtt_tests[] = {
@@ -8585,6 +8849,9 @@ static const rtt_test rtt_tests[] = {
 #endif
     { "threads", rtt_test_threads },
 #ifndef RT_NO_SHADING
+    { "threaded.options", rtt_test_threaded_options },
+    { "threaded.stats", rtt_test_threaded_stats },
+    { "threaded.nested", rtt_test_threaded_nested },
     { "sampling.uniform", rtt_test_sampling_uniform },
     { "sampling.strata", rtt_test_sampling_strata },
     { "sampling.independence", rtt_test_sampling_independence },
@@ -8607,6 +8874,8 @@ static const rtt_test rtt_tests[] = {
     { "textures.ways", rtt_test_texture_ways },
     { "textures.instances", rtt_test_texture_instances },
     { "loaders.obj.textures", rtt_test_obj_textures },
+    { "programs.imp", rtt_test_imp },
+    { "programs.animate", rtt_test_animate },
     { "shading.large-triangles", rtt_test_large_triangles },
     { "shading.camera", rtt_test_camera },
     { "shading.render", rtt_test_render },
