@@ -340,7 +340,8 @@ static void print_help(void)
     size_t i;
 
     printf("usage: render SCENE [options]\n\n"
-           "Renders SCENE to a PPM picture. SCENE is a file (.obj, .nff) or a procedural scene:\n\n%s\n"
+           "Renders SCENE to a PPM picture. SCENE is a file (.obj with .mtl, whose map_Kd and bump are read from .ppm files; .nff) or a "
+           "procedural scene:\n\n%s\n"
            "options (--name value or --name=value):\n",
            scene_procedural_list());
     for (i = 0; i < OPTION_COUNT; i++) {

@@ -956,14 +956,14 @@ static void sn_mtl_color(sn_builder *b, const char *key, const char *p, rt_vec3 
     }
 }
 
-SCENE_API bool scene_read_ppm(const char *path, rt_vec3 **pixels, int *width, int *height, char *error, size_t error_size);
+static bool sn_read_ppm(const char *path, bool srgb, rt_vec3 **pixels, int *width, int *height, char *error, size_t error_size);
 
 /* The number of the image at path, read the first time; RT_NONE where that fails, which is reported: what is wrong with a PPM is an error, another format
-   a warning. */
-static uint32_t sn_image(sn_builder *b, const char *key, const char *path)
+   a warning. Colours are sRGB, heights are as they stand; so a file of both is two textures, and the name of the latter ends with its 0. */
+static uint32_t sn_image(sn_builder *b, const char *key, const char *path, bool heights)
 {
-    const size_t length = strlen(path);
-    uint32_t number = sn_find(&b->texture_names, path, length);
+    const size_t length = strlen(path), named = length + (heights ? 1 : 0);
+    uint32_t number = sn_find(&b->texture_names, path, named);
     char why[512] = "";
     rt_texture texture;
     rt_vec3 *pixels;
@@ -976,7 +976,7 @@ static uint32_t sn_image(sn_builder *b, const char *key, const char *path)
         return RT_NONE;
     }
     memset(&texture, 0, sizeof texture);
-    if (!scene_read_ppm(path, &pixels, &texture.width, &texture.height, why, sizeof why)) {
+    if (!sn_read_ppm(path, !heights, &pixels, &texture.width, &texture.height, why, sizeof why)) {
         if (strstr(why, "out of memory")) b->no_memory = true;
         else sn_fail(b, "%s: %s", key, why);
         return RT_NONE;
@@ -988,7 +988,7 @@ static uint32_t sn_image(sn_builder *b, const char *key, const char *path)
     else {
         rt_make_texture_levels(pixels, texture.width, texture.height, levels);
         texture.levels = levels;
-        number = sn_intern(b, &b->texture_names, path, length);
+        number = sn_intern(b, &b->texture_names, path, named);
         if (number == RT_NONE) free(levels);
         else number = sn_add_texture(b, texture);
     }
@@ -997,7 +997,7 @@ static uint32_t sn_image(sn_builder *b, const char *key, const char *path)
 }
 
 /* map_Kd, map_Bump, bump: options, then a path from the .mtl file's folder. Answers the number of the texture or RT_NONE. */
-static uint32_t sn_mtl_map(sn_builder *b, const char *text, const char *key, const char *p, float *multiplier)
+static uint32_t sn_mtl_map(sn_builder *b, const char *text, const char *key, const char *p, bool heights, float *multiplier)
 {
     static const struct { const char *name; int least, most; } options[] = {       /* and how many words follow */
         { "-blendu", 1, 1 }, { "-blendv", 1, 1 }, { "-cc", 1, 1 }, { "-clamp", 1, 1 }, { "-texres", 1, 1 }, { "-imfchan", 1, 1 },
@@ -1047,7 +1047,7 @@ static uint32_t sn_mtl_map(sn_builder *b, const char *text, const char *key, con
     path[(text[name.start] == '/' ? 0 : folder) + name.length] = '\0';
     for (c = path + (text[name.start] == '/' ? 0 : folder); *c; c++)
         if (*c == '\\') *c = '/';
-    number = sn_image(b, key, path);
+    number = sn_image(b, key, path, heights);
     free(path);
     return number;
 }
@@ -1098,10 +1098,10 @@ static void sn_mtl(sn_builder *b, sn_text *text)
         else if (sn_is_word(key, "Ka")) sn_mtl_color(b, "Ka", end, &ambient);
         else if (sn_is_word(key, "map_Kd")) {
             float unused = 1;
-            m->texture = sn_mtl_map(b, text->data, "map_Kd", end, &unused);
+            m->texture = sn_mtl_map(b, text->data, "map_Kd", end, false, &unused);
         } else if (sn_is_word(key, "map_Bump") || sn_is_word(key, "map_bump") || sn_is_word(key, "bump")) {
             m->told.bump_height = 1;
-            m->bump = sn_mtl_map(b, text->data, "bump", end, &m->told.bump_height);
+            m->bump = sn_mtl_map(b, text->data, "bump", end, true, &m->told.bump_height);
         }
         for (i = 0; i < sizeof scalars / sizeof *scalars; i++) {
             float value;
@@ -2837,7 +2837,7 @@ SCENE_API bool scene_write_ppm(const char *path, const rt_vec3 *pixels, int widt
     return written;
 }
 
-/* The next number of a PPM header, behind blanks and comments; -1 if there is none. */
+/* The next number of a PPM, behind blanks and comments; -1 if there is none. */
 static int sn_ppm_number(FILE *file)
 {
     int c = getc(file), number = -1;
@@ -2848,44 +2848,70 @@ static int sn_ppm_number(FILE *file)
         else c = getc(file);
     }
     for (; c >= '0' && c <= '9' && number < 100000; c = getc(file)) number = (number < 0 ? 0 : number * 10) + (c - '0');
-    return c == ' ' || (c >= '\t' && c <= '\r') ? number : -1;
+    return c == ' ' || (c >= '\t' && c <= '\r') || c == EOF ? number : -1;
 }
 
-/* Reads an sRGB PPM (P6) as linear colours; the caller frees *pixels. On failure *pixels is NULL. */
-SCENE_API bool scene_read_ppm(const char *path, rt_vec3 **pixels, int *width, int *height, char *error, size_t error_size)
+/* The next channel of a pixel, of a text or of 1 or 2 bytes; -1 if there is none. */
+static int sn_ppm_channel(FILE *file, bool text, int most)
+{
+    int high = 0, low;
+
+    if (text) return sn_ppm_number(file);
+    if (most > 255) high = getc(file);
+    low = getc(file);
+    return high == EOF || low == EOF ? -1 : high * 256 + low;
+}
+
+/* Reads a PPM, P3 or P6 of 8 or 16 bits; the caller frees *pixels, which are NULL on failure. */
+static bool sn_read_ppm(const char *path, bool srgb, rt_vec3 **pixels, int *width, int *height, char *error, size_t error_size)
 {
     FILE *file = fopen(path, "rb");
     struct stat about;
-    float table[256];
-    int most, i;
-    size_t count = 0, k;
+    const char *wrong = NULL;
+    float *table = NULL;
+    int letter, kind = EOF, most = 0, i;
+    size_t count = 0, least = 0, k;
 
     *pixels = NULL;
     if (!file) return sn_fail_ppm(error, error_size, "%s: cannot read it: %s", path, strerror(errno));
-    if (getc(file) != 'P' || getc(file) != '6' || (*width = sn_ppm_number(file)) <= 0 || (*height = sn_ppm_number(file)) <= 0 ||
-        (most = sn_ppm_number(file)) <= 0 || most > 255) {
-        fclose(file);
-        return sn_fail_ppm(error, error_size, "%s: not a P6 picture with 8 bits a channel", path);
+    letter = getc(file);
+    if (letter == 'P') kind = getc(file);
+    if ((kind != '3' && kind != '6') || (*width = sn_ppm_number(file)) <= 0 || (*height = sn_ppm_number(file)) <= 0 ||
+        (most = sn_ppm_number(file)) <= 0 || most > 65535)
+        wrong = "not a P3 or P6 picture";
+    else {
+        count = (size_t)*width * (size_t)*height;
+        least = kind == '3' || most > 255 ? 6 : 3;          /* bytes a pixel; of a text's last one, 5 */
+        if (stat(path, &about) != 0 || about.st_size < 0 || ((uintmax_t)about.st_size + 1) / least < count) wrong = "ends too early";
     }
-    count = (size_t)*width * (size_t)*height;
-    if (stat(path, &about) != 0 || about.st_size < 0 || (uintmax_t)about.st_size / 3 < count) {
-        fclose(file);
-        return sn_fail_ppm(error, error_size, "%s: ends too early", path);
+    if (!wrong) {
+        *pixels = (rt_vec3 *)malloc(count * sizeof **pixels);
+        table = (float *)malloc(((size_t)most + 1) * sizeof *table);
+        if (!*pixels || !table) wrong = "out of memory";
     }
-    *pixels = (rt_vec3 *)malloc(count * sizeof **pixels);
-    for (i = 0; i < 256; i++) table[i] = sn_from_srgb((float)i / (float)most);
-    for (k = 0; *pixels && k < count; k++) {
-        unsigned char rgb[3];
+    for (i = 0; !wrong && i <= most; i++) table[i] = srgb ? sn_from_srgb((float)i / (float)most) : (float)i / (float)most;
+    for (k = 0; !wrong && k < count; k++) {
+        int rgb[3];
 
-        if (fread(rgb, 1, 3, file) != 3) break;
-        (*pixels)[k] = sn_vec3(table[rgb[0]], table[rgb[1]], table[rgb[2]]);
+        for (i = 0; i < 3 && !wrong; i++) {
+            rgb[i] = sn_ppm_channel(file, kind == '3', most);
+            if (rgb[i] > most) wrong = "a number above its greatest";
+            else if (rgb[i] < 0) wrong = feof(file) ? "ends too early" : "something that is no number";
+        }
+        if (!wrong) (*pixels)[k] = sn_vec3(table[rgb[0]], table[rgb[1]], table[rgb[2]]);
     }
     fclose(file);
-    if (*pixels && k == count) return true;
-    sn_fail_ppm(error, error_size, *pixels ? "%s: ends too early" : "%s: out of memory", path);
+    free(table);
+    if (!wrong) return true;
     free(*pixels);
     *pixels = NULL;
-    return false;
+    return sn_fail_ppm(error, error_size, "%s: %s", path, wrong);
+}
+
+/* Reads an sRGB PPM as linear colours; the caller frees *pixels. On failure *pixels is NULL. */
+SCENE_API bool scene_read_ppm(const char *path, rt_vec3 **pixels, int *width, int *height, char *error, size_t error_size)
+{
+    return sn_read_ppm(path, true, pixels, width, height, error, error_size);
 }
 
 #endif /* SCENE_H */

@@ -6743,7 +6743,9 @@ static void rtt_test_scene_ppm(void)
     rt_vec3 picture[6] = { { 0, 0.5f, 1 }, { -1, 2, 1e30f }, { 0.001f, 0.0031308f, 0.01f }, { 0.2f, 0.4f, 0.6f }, { 0.9f, 0.99f, 0.999f },
           { 0, 0, 0 } };
     static const unsigned char bytes[12] = { 0, 188, 255, 0, 255, 255, 3, 10, 25, 124, 170, 203 };
-    static const char *const bad[] = { "", "P6", "P5\n1 1\n255\nx", "P6\n0 1\n255\n", "P6\n1 1\n65535\n123456", "P6\n2 2\n255\n12345",
+    static const char *const bad[] = { "", "P6", "P5\n1 1\n255\nx", "P6\n0 1\n255\n", "P6\n1 1\n65535\n12345", "P6\n1 1\n65536\n123456",
+          "P6\n2 2\n255\n12345", "P6\n1 1\n64\nABA", "P6\n1 1\n256\nABABAB", "P3\n1 1\n9\n1 2", "P3\n1 1\n9\n1 2 10", "P3\n1 1\n9\n1 x 3",
+          "P3\n2 1\n9\n1 2 3 4 -5 6", "P3\n1 1\n9\n1 2 3x",
           "P6\n1 x\n255\n123",
                                        "P6\n99999 99999\n255\n123", "P6\n1 1\n255", "P6 -1 1 255 123", "P6\n999999999999 1\n255\n" };
     rt_vec3 *back;
@@ -6774,6 +6776,20 @@ static void rtt_test_scene_ppm(void)
     loader_write("p.ppm", "P6 # comment\n#another\n 1\t1 # x\n255\nABC");
     if (CHECK(scene_read_ppm(loader_path("p.ppm"), &back, &width, &height, message, sizeof message)))
         loader_free(back);
+    for (i = 0; i < 3; i++) {               /* as text; in 16 bits; of another greatest number */
+        static const char *const pictures[3] = { "P3 1 2 255 0 188 # comment\n255\n255 0 124", "P6 1 2 65535\n\0\0\274\274\377\377\377\377\0\0||",
+                                                 "P3\n1\n2\n510\n0 376 510 510 0 248\n" };
+        static const size_t sizes[3] = { 40, 25, 31 };
+
+        loader_write_bytes("p.ppm", pictures[i], sizes[i]);
+        if (!CHECK(scene_read_ppm(loader_path("p.ppm"), &back, &width, &height, message, sizeof message))) {
+            rtt_fail("%s", message);
+            continue;
+        }
+        CHECK(width == 1 && height == 2 && back[0].x == 0 && fabsf(back[0].y - 0.5029f) < 1e-4f && back[0].z == 1 && back[1].x == 1
+              && back[1].y == 0 && fabsf(back[1].z - 0.2016f) < 1e-4f);
+        loader_free(back);
+    }
     for (i = 0; i < RTT_COUNT(bad); i++) {
         loader_write("p.ppm", bad[i]);
         message[0] = '\0';
@@ -6795,7 +6811,7 @@ static void rtt_test_scene_oom(void)
 {
     static const char wide[] = "\xff\xfev\0 \0" "1\0 \0" "2\0 \0" "3\0\n\0";
     static const char *const names[] = { "t.obj", "t.nff", "u.obj", "cornell", "rings:1", "balls:1", "tetra:2", "cloud:9", "terrain:8",
-          "sphere:8" };
+          "sphere:8", "textures" };
     size_t i;
 
     loader_path("t.obj");
@@ -6803,8 +6819,9 @@ static void rtt_test_scene_oom(void)
         bool loaded = false;
         long n;
 
-        loader_write("m.mtl", "newmtl a\nKd 1 0 0\nnewmtl b\n");
-        loader_write("t.obj", "mtllib none.mtl m.mtl\n" LOADER_SQUARE "v 3 3 3 1 0 0\nvn 0 0 1\nf 1 2 3\nusemtl a\nf 1//1 2//1 3//1\n"
+        loader_write("m.mtl", "newmtl a\nKd 1 0 0\nmap_Kd t.ppm\nnewmtl b\nbump -bm 2 t.ppm\n");
+        loader_write("t.ppm", "P3 2 1 1 0 0 1 1 1 1");
+        loader_write("t.obj", "mtllib none.mtl m.mtl\n" LOADER_SQUARE "v 3 3 3 1 0 0\nvt 1 1\nvn 0 0 1\nf 1 2 3\nusemtl a\nf 1/1/1 2/1/1 3/1/1\n"
               "usemtl c # d\nf 1 2 3 4 5\nf 6 7 8 9\n" LOADER_SQUARE);
         loader_write("t.nff", "l 1 1 1\nf 1 0 0\ns 0 0 0 1\nc 0 0 0 1 0 0 1 1\np 4\n0 0 0 2 1 0 0 2 0 0.5 1 0\npp 3\n"
               "0 0 0 0 0 1 1 0 0 0 0 1 0 1 0 0 0 1\n");
@@ -8471,7 +8488,8 @@ static void rtt_test_obj_textures(void)
     if (loader_text("t.obj", text, 4, 4, 0, 3)) {
         const rt_material *m = loader_material(0);
 
-        CHECK(loader.s.texture_count == 1 && m->texture == loader.s.textures && m->bump == m->texture && m->bump_height == 0.5f);
+        CHECK(loader.s.texture_count == 2 && m->texture == loader.s.textures && m->bump == m->texture + 1 && m->bump_height == 0.5f);
+        CHECK(fabsf(m->bump->levels[1].x - 97 / 255.0f) < 1e-6f && fabsf(m->texture->levels[1].x - 0.11954f) < 1e-4f);     /* 'a': not sRGB; sRGB */
         CHECK(m->texture->kind == RT_TEXTURE_IMAGE && m->texture->width == 2 && m->texture->height == 1 && m->texture->levels[0].x == 1);
         CHECK(loader.s.texcoord_indices && loader.s.texcoord_indices[5] == 3 && loader.s.texcoord_indices[6] == RT_NONE
               && loader.s.texcoord_indices[9] == 0 && loader.s.texcoord_indices[11] == 2);
@@ -8486,8 +8504,9 @@ static void rtt_test_obj_textures(void)
     {
         static const struct { const char *mtl, *ppm, *error; } bad[] = {
             { "map_Kd missing.ppm", NULL, "missing.ppm: cannot read it" }, { "map_Kd u.ppm", "P6\n2 2\n255\nabc", "ends too early" },
-            { "bump u.ppm", "P3\n1 1\n255\n1 2 3", "not a P6 picture" }, { "map_Bump u.ppm", "", "not a P6 picture" },
-            { "map_Kd u.ppm", "P6\n0 5\n255\nabcabc", "not a P6 picture" }, { "map_Kd -s", NULL, "-s lacks its number" },
+            { "bump u.ppm", "P5\n1 1\n255\n1", "not a P3 or P6 picture" }, { "map_Bump u.ppm", "", "not a P3 or P6 picture" },
+            { "map_Kd u.ppm", "P6\n0 5\n255\nabcabc", "not a P3 or P6 picture" }, { "map_Kd u.ppm", "P3 1 1 5 1 6 2", "a number above its greatest" },
+            { "bump u.ppm", "P3 1 1 5 1 y 2", "no number" }, { "map_Kd -s", NULL, "-s lacks its number" },
         };
 
         for (size_t i = 0; i < RTT_COUNT(bad); i++) {
