@@ -1,7 +1,7 @@
 /* rt.h - ray tracing acceleration structures, traversals and shading in one C header.    SPDX-License-Identifier: MIT OR Unlicense
 
-   Triangles, spheres and nested instances; every traversal algorithm returns the same hit, bit for bit, whatever the
-   processor, thread count or compiler flags; closed meshes never leak. C99 and C++11; needs libc and libm only.
+   Triangles, spheres, planes and nested, moving instances; every traversal algorithm returns the same hit, bit for bit, whatever
+   the processor, thread count or compiler flags; closed meshes never leak. C99 and C++11; needs libc and libm only.
 
    QUICK START
 
@@ -55,10 +55,10 @@
 
    MEMORY
 
-     An accel takes 40 bytes a triangle (4 with opt->reference), 20 bytes a sphere (4), 120 bytes an instance, and its tree: RT_BVH 32
-     bytes a node (at most 2 n - 1 nodes, about n on meshes); RT_KDTREE 8 bytes a node (2 to 3 n on meshes), 14 more unless
+     An accel takes 40 bytes a triangle (4 with opt->reference), 20 bytes a sphere (4), 168 bytes an instance, and its tree: RT_THREADED 32
+     bytes a node (0.7 to 1.5 n of them) and 8 for each of opt->orders, and 4 an instance; RT_BVH 32 bytes a node (at most 2 n - 1 nodes, about n on meshes); RT_KDTREE 8 bytes a node (2 to 3 n on meshes), 14 more unless
      opt->no_backtrack, and 4 bytes for each time that a leaf with several primitives names one (at most opt->max_duplication a primitive).
-     While building, RT_BVH takes 128 bytes a primitive more, half of them for nodes; RT_KDTREE 32 bytes a reference, twice at the top of
+     While building, RT_BVH and RT_THREADED take 128 bytes a primitive more, half of them for nodes; RT_KDTREE 32 bytes a reference, twice at the top of
      the tree, and a lane of 1 MiB (208 KiB times opt->max_duplication), or 16 with a parallel_for. All is released before rt_build
      returns; rt_get_info tells what an accel holds. Stack: 2 KiB for a single ray, 9 KiB for a packet of 4 or 8, and as much again for each
      level of instances; large packets 46 KiB up to 16 x 16 rays, 166 KiB with 32 x 32, and 44 KiB for each level of instances. Of a packet
@@ -634,7 +634,7 @@ typedef struct { uint64_t primary, shadow, reflect, refract; } rt_ray_counts;
    A ray whose part of its pixel is below 1/512 in every channel is left out. So a sample has at most 1536 rays a level, whatever the
    materials, and some hundreds in all behind surfaces that reflect one half and transmit the other.
    Errors as rt_trace; RT_ERROR_ARGUMENT where opt->raster is of another camera, size or number of primitives. Eye rays that are rasterised
-   are counted in rays, not in opt->trace.stats. No allocation. Stack: 150 KiB for blocks of 16 x 16 pixels, 560 KiB for those of 32 x 32
+   are counted in rays, not in opt->trace.stats. No allocation. Stack: 158 KiB for blocks of 16 x 16 pixels, 600 KiB for those of 32 x 32
    that an opt->trace.packet_width above 16 asks for; 6 KiB more with raster, 44 KiB more a level of instances. */
 RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *opt, int x0, int y0, int x1, int y1, rt_vec3 *pixels,
                                 rt_ray_counts *rays);
