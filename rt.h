@@ -5392,7 +5392,7 @@ static bool rti_raster_fits(const rt_raster *r, const rt_geometry *geo, const rt
 
 /* What a pixel sees of a surface is about an ellipse; a texture's mean over it is what is asked for. It comes in texture coordinates, or,
    of solid textures, in space: its middle, and its axes, from edge to edge. */
-typedef struct { float at[3], axes[2][3]; } rti_spot;       /* axes[0] is the long one */
+typedef struct { float at[3], axes[2][3]; } rti_spot;       /* axes at right angles, the first the long one; of an image in texels, at in 1 */
 
 RT_API size_t rt_count_texture_levels(int width, int height)
 {
@@ -5459,13 +5459,12 @@ static rt_vec3 rti_texel(const rt_vec3 *level, int width, int height, float u, f
                    y - (float)top);
 }
 
-/* From the two levels whose texels are nearest to a width, which is in texture coordinates. */
-static rt_vec3 rti_image(const rt_texture *texture, const float at[2], float size)
+/* From the two levels whose texels are nearest to a width, which is in those of the first. */
+static rt_vec3 rti_image(const rt_texture *texture, const float at[2], float texels)
 {
-    const int most = texture->width > texture->height ? texture->width : texture->height;
     const rt_vec3 *level = texture->levels;
     int width = texture->width, height = texture->height;
-    float texels = size * (float)most, part;
+    float part;
     while (texels > 2 && (width > 1 || height > 1)) {
         level += (size_t)width * (size_t)height;
         width = width > 1 ? width / 2 : 1;
@@ -5551,22 +5550,23 @@ static rt_vec3 rti_look_at_texture(const rt_texture *texture, const rti_spot *sp
                        texture->colors[1].y == 0 && texture->colors[1].z == 0;
     const rt_vec3 low = texture->colors[0], high = plain ? rti_vec3(1, 1, 1) : texture->colors[1];
     const float wide = rti_length3(spot->axes[0]), narrow = rti_length3(spot->axes[1]);
+    const bool image = texture->kind == RT_TEXTURE_IMAGE;
+    const float scale[3] = { image ? (float)texture->width : 1, image ? (float)texture->height : 1, 1 };
     rt_vec3 sum = rti_vec3(0, 0, 0);
     float at[3], width;
     int taps, i, k;
-    if (texture->kind == RT_TEXTURE_CHECKER) {
-        float mean = 1;
-        for (k = 0; k < (texture->solid ? 3 : 2); k++)
-            mean *= rti_field_mean(spot->at[k] / size, (fabsf(spot->axes[0][k]) + fabsf(spot->axes[1][k])) / size);
-        return rti_mix(low, high, 0.5f - 0.5f * mean);
-    }
     taps = wide < (float)RTI_TAPS * narrow ? (int)(wide / narrow + 0.5f) : wide > 0 ? RTI_TAPS : 1;
     width = rti_maxf(narrow, wide / (float)taps);
     for (i = 0; i < taps; i++) {
         const float along = ((float)i + 0.5f) / (float)taps - 0.5f;
-        for (k = 0; k < 3; k++) at[k] = spot->at[k] + along * spot->axes[0][k];
-        if (texture->kind == RT_TEXTURE_IMAGE) sum = rti_add(sum, rti_image(texture, at, width));
-        else {
+        for (k = 0; k < 3; k++) at[k] = spot->at[k] + along * spot->axes[0][k] / scale[k];
+        if (image) sum = rti_add(sum, rti_image(texture, at, width));
+        else if (texture->kind == RT_TEXTURE_CHECKER) {     /* exactly, of a box around a piece of the long axis */
+            float mean = 1;
+            for (k = 0; k < (texture->solid ? 3 : 2); k++)
+                mean *= rti_field_mean(at[k] / size, (fabsf(spot->axes[0][k]) / (float)taps + fabsf(spot->axes[1][k])) / size);
+            sum = rti_add(sum, rti_mix(low, high, 0.5f - 0.5f * mean));
+        } else {
             for (k = 0; k < 3; k++) at[k] = !texture->solid && k == 2 ? 0 : at[k] / size;
             sum = rti_add(sum, rti_mix(low, high, rti_noise(at, width / size)));
         }
@@ -5626,23 +5626,42 @@ static rti_mapping rti_map_plane(rt_vec3 normal, rt_vec3 from)
 }
 #endif
 
+/* Two half axes of an ellipse, of which each is parallel to the tangents where the other ends, become its own axes, at right angles, the first the
+   long one: what an affine map makes of the axes of an ellipse are the former. */
+static void rti_turn_axes(rt_vec3 axes[2])
+{
+    const rt_vec3 a = axes[0], b = axes[1];
+    const float aa = rti_dot(a, a), ab = rti_dot(a, b), bb = rti_dot(b, b), most = rti_maxf(aa, bb);
+    float rest, twist, length, cosine, sine;
+    if (!(most > 0 && most <= FLT_MAX)) return;
+    rest = (aa - bb) / most;
+    twist = 2 * ab / most;
+    length = sqrtf(rest * rest + twist * twist);
+    if (!(length > 0)) return;              /* a circle */
+    cosine = sqrtf(rti_maxf(0.5f + 0.5f * rest / length, 0));
+    sine = copysignf(sqrtf(rti_maxf(0.5f - 0.5f * rest / length, 0)), twist);
+    axes[0] = rti_add(rti_scale(a, cosine), rti_scale(b, sine));
+    axes[1] = rti_sub(rti_scale(b, cosine), rti_scale(a, sine));
+}
+
 /* The spot around what is seen, steps being the axes of what is seen on the surface. */
 static rti_spot rti_spot_of(const rt_texture *texture, const rti_mapping *m, rt_vec3 point, const rt_vec3 steps[2])
 {
+    const bool image = texture->kind == RT_TEXTURE_IMAGE;
+    const float width = image ? (float)texture->width : 1, height = image ? (float)texture->height : 1;
+    rt_vec3 axes[2];
     rti_spot spot;
     int i;
+    for (i = 0; i < 2; i++)
+        axes[i] = texture->solid ? steps[i] : rti_vec3(rti_dot(steps[i], m->across[0]) * width, rti_dot(steps[i], m->across[1]) * height, 0);
+    rti_turn_axes(axes);
     spot.at[0] = texture->solid ? point.x : m->u;
     spot.at[1] = texture->solid ? point.y : m->v;
     spot.at[2] = texture->solid ? point.z : 0;
     for (i = 0; i < 2; i++) {
-        spot.axes[i][0] = texture->solid ? steps[i].x : rti_dot(steps[i], m->across[0]);
-        spot.axes[i][1] = texture->solid ? steps[i].y : rti_dot(steps[i], m->across[1]);
-        spot.axes[i][2] = texture->solid ? steps[i].z : 0;
-    }
-    if (rti_length3(spot.axes[1]) > rti_length3(spot.axes[0])) {
-        const float axis[3] = { spot.axes[0][0], spot.axes[0][1], spot.axes[0][2] };
-        memcpy(spot.axes[0], spot.axes[1], sizeof axis);
-        memcpy(spot.axes[1], axis, sizeof axis);
+        spot.axes[i][0] = axes[i].x;
+        spot.axes[i][1] = axes[i].y;
+        spot.axes[i][2] = axes[i].z;
     }
     return spot;
 }
@@ -5788,27 +5807,38 @@ RTI_INLINE rt_vec3 rti_get(const float *lanes, int lane)
     return rti_vec3(lanes[lane * RTI_ABREAST], lanes[(lane + 1) * RTI_ABREAST], lanes[(lane + 2) * RTI_ABREAST]);
 }
 
-/* How a surface is looked at, in the space of its primitive. */
+/* How a surface is looked at. */
 typedef struct {
-    rt_vec3 dir;                            /* of the ray, of any length */
+    rt_vec3 dir;                            /* of the ray, in the world, of any length */
     float width;                            /* of what the pixel sees, across it */
-    float stretch;                          /* how much longer a length may be in the world */
+    float stretch;                          /* how much longer a length of the primitive's space may be in the world */
+    const float *inverse;                   /* from the world to there; NULL: the same */
 } rti_gaze;
+
+static rt_vec3 rti_turn_inside(const rti_gaze *gaze, rt_vec3 a)
+{
+    const float *m = gaze->inverse;
+    if (!m) return a;
+    return rti_vec3(m[0] * a.x + m[1] * a.y + m[2] * a.z, m[4] * a.x + m[5] * a.y + m[6] * a.z, m[8] * a.x + m[9] * a.y + m[10] * a.z);
+}
 
 /* Textures: multiplies tint, and tilts the shading normal. What is seen of the surface is the section of the ray's cone with it. */
 RTI_NOINLINE void rti_wear(const rt_scene *scene, const rt_hit *hit, const rt_material *material, rt_vec3 point, const rti_gaze *gaze,
                            float *lanes, rt_vec3 *tint)
 {
     const rt_geometry *geo = scene->geometry;
-    const rt_vec3 dir = rti_normalize(gaze->dir), normal = rti_normalize(rti_get(lanes, RTI_NORMAL));
-    const float cosine = rti_dot(dir, normal);
-    rt_vec3 steps[2], other;
+    const rt_vec3 dir = rti_normalize(rti_turn_inside(gaze, gaze->dir)), normal = rti_normalize(rti_get(lanes, RTI_NORMAL));
+    const float cosine = rti_dot(dir, normal), depth = copysignf(rti_maxf(fabsf(cosine), 0.01f), cosine);
+    rt_vec3 steps[2];
     rti_mapping m;
-    steps[0] = rti_sub(dir, rti_scale(normal, cosine));
-    if (rti_dot(steps[0], steps[0]) < 1e-6f) rti_frame(normal, &steps[0], &other);     /* from straight above: a circle */
-    steps[0] = rti_normalize(steps[0]);
-    steps[1] = rti_scale(rti_cross(normal, steps[0]), gaze->width);
-    steps[0] = rti_scale(steps[0], gaze->width / rti_maxf(fabsf(cosine), 0.01f));
+    int i;
+    rti_frame(rti_normalize(gaze->dir), &steps[0], &steps[1]);
+    for (i = 0; i < 2; i++) {               /* along the ray onto the surface */
+        const rt_vec3 across = rti_scale(rti_turn_inside(gaze, steps[i]), gaze->width);
+        const float high = rti_dot(across, normal);
+        steps[i] = rti_sub(rti_sub(across, rti_scale(normal, high)), rti_scale(rti_sub(dir, rti_scale(normal, cosine)), high / depth));
+    }
+    rti_turn_axes(steps);
     if (hit->prim < geo->triangle_count) {
         float v[9];
         (void)rti_fetch_triangle(geo, hit->prim, v);
@@ -5903,14 +5933,13 @@ RTI_NOINLINE const rt_material *rti_look_into(const rt_scene *scene, const rt_hi
     const rt_material *material;
     uint32_t inst = hit->inst;
     float m[12], inverse[12], org[3], dir[3];
-    const float point[3] = { at.x, at.y, at.z }, gaze_dir[3] = { gaze->dir.x, gaze->dir.y, gaze->dir.z };
-    rti_gaze inside;
+    const float point[3] = { at.x, at.y, at.z };
+    rti_gaze inside = *gaze;
     (void)rt_instance_transform_at(accel, inst, time, m, NULL);
     (void)rti_invert(m, inverse);
-    rti_transform_ray(inverse, point, gaze_dir, org, dir);
-    inside.dir = rti_vertex(dir);
+    rti_transform_ray(inverse, point, point, org, dir);
     inside.stretch = (float)rti_stretch(m);
-    inside.width = gaze->width * sqrtf(rti_dot(inside.dir, inside.dir) / rti_dot(gaze->dir, gaze->dir));
+    inside.inverse = inverse;
     while (inst != RT_NONE) {
         size_t number = rti_find_instance(accel, inst);
         RT_ASSERT(scene->parts && scene->parts[number] && scene->parts[number]->accel && scene->parts[number]->geometry);
@@ -5955,6 +5984,7 @@ static size_t rti_look_at(rti_render *r, size_t n, bool last)
     size_t i, seen = 0;
     rti_gaze gaze;
     gaze.stretch = 1;
+    gaze.inverse = NULL;
     r->shiny_count = 0;
     for (i = 0; i < n; i++) {
         const rt_ray *ray = &r->rays[i];

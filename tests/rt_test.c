@@ -8145,6 +8145,8 @@ static void rtt_test_texture_filter(void)
             memset(&spot, 0, sizeof spot);
             spot.at[0] = 3 * rtt_signed(&random), spot.at[1] = 3 * rtt_signed(&random);
             spot.axes[0][i % 2] = long_axis, spot.axes[1][1 - i % 2] = width;
+            for (int k = 0; k < 2 && kind == RT_TEXTURE_IMAGE; k++)
+                spot.axes[0][k] *= 64, spot.axes[1][k] *= 64;
             seen = rti_look_at_texture(&texture, &spot);
             for (int k = 0; k < 4096; k++) {
                 point = spot;
@@ -8171,7 +8173,7 @@ static void rtt_test_texture_filter(void)
             memset(&spot, 0, sizeof spot);
             for (int k = 0; k < 3; k++)
                 spot.at[k] = far * rtt_signed(&random);
-            spot.axes[0][0] = i % 3 ? 1e4f : 1e-4f, spot.axes[1][1] = i % 3 == 1 ? 1e4f : 1e-4f;
+            spot.axes[0][0] = i % 3 ? 1e6f : 1e-4f, spot.axes[1][1] = i % 3 == 1 ? 1e6f : 1e-4f;
             seen = rti_look_at_texture(&texture, &spot);
             CHECK(seen.x >= 0 && seen.x <= 1 && seen.y >= 0 && seen.z >= 0);
             if (i % 3 == 1)
@@ -8181,66 +8183,61 @@ static void rtt_test_texture_filter(void)
     free(levels);
 }
 
-/* A chequered floor to the horizon: one sample a pixel of a camera that moves by parts of a pixel changes a little where fields are small; its points do
-   so much more. Far away it has the mean colour. */
+/* A chequered floor to the horizon, looked at along its fields and across their corners: one sample a pixel is near the mean of 16 x 16 points of it, which a
+   point is not. So of a camera that moves by parts of a pixel it changes little more than that mean does. Far away it has the mean colour. */
 static void rtt_test_texture_shimmer(void)
 {
-    enum { SIDE = 64 };
-    static rt_vec3 pixels[9][SIDE * SIDE];
+    enum { SIDE = 64, VIEWS = 5, HORIZON = 6 };                    /* rows above the middle that see but ground */
+    static rt_vec3 pixels[SIDE * SIDE];
     rt_texture texture = rtt_texture(RT_TEXTURE_CHECKER, false, 1);
-    double spread[2] = { 0, 0 };
 
-    for (int filtered = 0; filtered < 2; filtered++) {
-        rtt_stage stage;
+    for (int turn = 0; turn < 3; turn++) {
+        const float angle = 0.785398f * 0.5f * (float)turn;
+        double error[2] = { 0, 0 }, spread[3] = { 0, 0, 0 };
+        float low[3][SIDE * SIDE], high[3][SIDE * SIDE];
         rt_render_options options;
+        rtt_stage stage;
 
         memset(&stage, 0, sizeof stage);
+        memset(&options, 0, sizeof options);
         stage.materials[0] = rtt_material(rtt_gray(1), rtt_gray(0), rtt_gray(0), rtt_gray(0), 0, false);
         stage.materials[0].texture = &texture;
         rtt_ground(&stage.model, rtt_origin, rtt_v(0, 1, 0), 0);
         rtt_stage_build(&stage);
         stage.scene.ambient = rtt_gray(1);
-        memset(&options, 0, sizeof options);
         options.width = options.height = SIDE;
-        for (int i = 0; i < 9; i++) {
-            rti_render r;
+        for (int i = 0; i < VIEWS; i++) {
+            stage.scene.camera = (rt_camera){ { 0.31f, 1, 0.2f }, { 0.31f + sinf(angle), 0.9f, 0.2f - cosf(angle) }, { 0, 1, 0 }, 50 };
+            stage.scene.camera.look.x += 0.003f * (float)i, stage.scene.camera.look.y += 0.002f * (float)i;
+            CHECK_STATUS(rt_render_tile(&stage.scene, &options, 0, 0, SIDE, SIDE, pixels, NULL), RT_OK);
+            for (int k = (SIDE / 2 - HORIZON + 2) * SIDE; k < SIDE * SIDE * 3 / 4; k++) {
+                float seen[3] = { pixels[k].x, 0, 0 };             /* filtered, a point, the mean of points */
 
-            stage.scene.camera = (rt_camera){ { 0.31f, 1, 0.2f }, { 0.31f, 0.9f, -1 }, { 0, 1, 0 }, 50 };
-            stage.scene.camera.look.x += 0.0015f * (float)(i % 3), stage.scene.camera.look.y += 0.0015f * (float)(i / 3);
-            if (filtered) {
-                CHECK_STATUS(rt_render_tile(&stage.scene, &options, 0, 0, SIDE, SIDE, pixels[i], NULL), RT_OK);
-                continue;
-            }
-            (void)r;
-            for (int k = 0; k < SIDE * SIDE; k++) {                /* points */
-                rt_ray ray = rt_camera_ray(&stage.scene.camera, (float)(k % SIDE) + 0.5f, (float)(k / SIDE) + 0.5f, SIDE, SIDE);
-                rti_spot spot;
-                rt_hit hit;
+                for (int n = 0; n <= 256; n++) {
+                    const float dx = n ? ((float)((n - 1) % 16) + 0.5f) / 16 : 0.5f, dy = n ? ((float)((n - 1) / 16) + 0.5f) / 16 : 0.5f;
+                    rt_ray ray = rt_camera_ray(&stage.scene.camera, (float)(k % SIDE) + dx, (float)(k / SIDE) + dy, SIDE, SIDE);
+                    rt_hit hit;
+                    int x, z;
 
-                memset(&spot, 0, sizeof spot);
-                pixels[i][k] = rtt_gray(0.5f);
-                if (!rt_intersect(stage.accel, &ray, &hit))
-                    continue;
-                spot.at[0] = ray.org.x + hit.t * ray.dir.x, spot.at[1] = ray.org.z + hit.t * ray.dir.z;
-                pixels[i][k] = rti_look_at_texture(&texture, &spot);
+                    CHECK(rt_intersect(stage.accel, &ray, &hit));
+                    x = (int)floorf(ray.org.x + hit.t * ray.dir.x), z = (int)floorf(-ray.org.z - hit.t * ray.dir.z);
+                    seen[n ? 2 : 1] += ((x + z) % 2 ? 0.9f : 0.1f) / (n ? 256 : 1);
+                }
+                for (int w = 0; w < 3; w++) {
+                    low[w][k] = i ? fminf(low[w][k], seen[w]) : seen[w];
+                    high[w][k] = i ? fmaxf(high[w][k], seen[w]) : seen[w];
+                    spread[w] += i == VIEWS - 1 ? (double)(high[w][k] - low[w][k]) : 0;
+                    error[w & 1] += w < 2 ? fabs((double)(seen[w] - seen[2])) : 0;
+                }
             }
+            for (int k = (SIDE / 2 - HORIZON) * SIDE; k < (SIDE / 2 - HORIZON + 1) * SIDE; k++)
+                CHECK(fabsf(pixels[k].x - 0.5f) < 0.06f);
         }
-        for (int k = SIDE * SIDE / 2; k < SIDE * SIDE * 5 / 8; k++) {       /* below the horizon */
-            double low = 2, high = -1;
-
-            for (int i = 0; i < 9; i++) {
-                low = fmin(low, (double)pixels[i][k].x);
-                high = fmax(high, (double)pixels[i][k].x);
-            }
-            spread[filtered] += (high - low) / (SIDE * SIDE / 8);
-        }
-        if (filtered)                       /* just below the horizon, which is 3.4 rows above the middle */
-            for (int k = (SIDE / 2 - 3) * SIDE; k < (SIDE / 2 - 2) * SIDE; k++)
-                CHECK(fabsf(pixels[0][k].x - 0.5f) < 0.06f);
+        if (!(error[0] < 0.12 * error[1] && spread[0] < 1.05 * spread[2] && spread[1] > 2 * spread[0]))
+            rtt_fail("turned by %d: errors %g, of points %g; changes %g, of points %g, of their means %g", turn, error[0], error[1], spread[0],
+                     spread[1], spread[2]);
         rtt_stage_free(&stage);
     }
-    if (!(spread[1] < 0.12 && spread[0] > 3 * spread[1]))
-        rtt_fail("colours change by %g, unfiltered by %g", spread[1], spread[0]);
 }
 
 /* A raised sphere, its normal by bump mapping against that of the surface which really stands there: the gradient of the height, by differences. */
@@ -8406,6 +8403,61 @@ static void rtt_test_texture_ways(void)
     rtt_accels_free(&accels);
     rtt_stage_free(&stage);
     rtt_model_free(&child);
+}
+
+/* An instance stretched unevenly looks as a mesh does that is so of its own: its footprints and its bumps are those of the world. */
+static void rtt_test_texture_instances(void)
+{
+    enum { SIDE = 48, PIXELS = SIDE * SIDE };
+    static const rt_vec3 scale = { 3, 1, 40 };
+    static rt_vec3 pixels[2][2][PIXELS];    /* texture or bump; mesh or instance */
+    rt_texture checker = rtt_texture(RT_TEXTURE_CHECKER, false, 0.02f), noise = rtt_texture(RT_TEXTURE_NOISE, false, 0.05f);
+
+    for (int kind = 0; kind < 2; kind++) {
+        double off = 0, most = 0, contrast = 0;
+
+        for (int way = 0; way < 2; way++) {
+            rtt_model child = { 0 };
+            rtt_stage stage;
+            rt_scene part;
+            rt_geometry inner;
+            const rt_scene *parts[1] = { &part };
+            rt_render_options options;
+
+            memset(&stage, 0, sizeof stage);
+            memset(&part, 0, sizeof part);
+            memset(&options, 0, sizeof options);
+            stage.materials[0] = rtt_material(rtt_gray(0.9f), rtt_gray(0), rtt_gray(0), rtt_gray(0), 0, false);
+            if (kind) stage.materials[0].bump = &noise, stage.materials[0].bump_height = 0.2f;
+            else stage.materials[0].texture = &checker;
+            rtt_quad(way ? &child : &stage.model, rtt_v(-1, 0, -1), rtt_v(0, 0, 2), rtt_v(2, 0, 0));
+            if (way) {
+                rtt_place(&stage.model, &child, scale, rtt_origin);
+                inner = rtt_geometry(&child);
+                part.accel = child.accel, part.geometry = &inner, part.materials = &stage.materials[0], part.material_count = 1;
+                stage.scene.parts = parts;
+            } else {
+                for (size_t i = 0; i < stage.model.vertex_count; i++)
+                    stage.model.vertices[3 * i] *= scale.x, stage.model.vertices[3 * i + 2] *= scale.z;
+            }
+            rtt_stage_build(&stage);
+            stage.light.position = rtt_v(-2, 3, 30), stage.light.color = rtt_gray(1), stage.scene.light_count = 1;
+            stage.scene.camera = (rt_camera){ { 0.4f, 1, 39 }, { 0, 0.4f, 30 }, { 0, 1, 0 }, 35 };
+            options.width = options.height = SIDE;
+            CHECK_STATUS(rt_render_tile(&stage.scene, &options, 0, 0, SIDE, SIDE, pixels[kind][way], NULL), RT_OK);
+            rtt_stage_free(&stage);
+            rtt_model_free(&child);
+        }
+        for (int i = 0; i < PIXELS; i++) {
+            const double difference = fabs((double)(pixels[kind][0][i].x - pixels[kind][1][i].x));
+
+            off += difference / PIXELS;
+            most = fmax(most, difference);
+            contrast += i ? fabs((double)(pixels[kind][0][i].x - pixels[kind][0][i - 1].x)) / PIXELS : 0;
+        }
+        if (!(off < (kind ? 0.004 : 1e-4) && most < (kind ? 0.06 : 1e-3) && contrast > (kind ? 0.006 : 0.02)))
+            rtt_fail("%s: %g off on average, %g at most; neighbours differ by %g", kind ? "bump" : "texture", off, most, contrast);
+    }
 }
 
 static void rtt_test_obj_textures(void)
@@ -8820,6 +8872,7 @@ static const rtt_test rtt_tests[] = {
     { "textures.mapping", rtt_test_texture_mapping },
     { "textures.check", rtt_test_texture_check },
     { "textures.ways", rtt_test_texture_ways },
+    { "textures.instances", rtt_test_texture_instances },
     { "loaders.obj.textures", rtt_test_obj_textures },
     { "programs.imp", rtt_test_imp },
     { "programs.animate", rtt_test_animate },
