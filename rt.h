@@ -8348,8 +8348,10 @@ RTI_FN void rti_thread_aim(const rti_thread_state *s, rti_slabs *slabs, rti_swee
 {
     int g;
     for (g = 0; g < groups; g++) {
-        if (groups > 1 && !s->live[g])      /* not prepared, since no ray goes along: only the indices must be sound */
+        if (groups > 1 && !s->live[g]) {    /* not prepared, since no ray goes along: only what is asked for must be sound */
             s->p[g].side[0] = s->p[g].side[1] = s->p[g].side[2] = 0;
+            s->p[g].uniform = false;
+        }
         if (flags & (RTI_WALK_ROUND | RTI_WALK_EITHER)) sweeps[g] = rti_make_sweep(&s->p[g]);
         if (!(flags & RTI_WALK_ROUND)) slabs[g] = rti_make_slabs(&s->p[g]);
     }
