@@ -1,7 +1,7 @@
 /* rt.h - ray tracing acceleration structures, traversals and shading in one C header.    SPDX-License-Identifier: MIT OR Unlicense
 
-   Triangles, spheres and nested instances; every traversal algorithm returns the same hit, bit for bit, whatever the
-   processor, thread count or compiler flags; closed meshes never leak. C99 and C++11; needs libc and libm only.
+   Triangles, spheres, planes and nested, moving instances; every traversal algorithm returns the same hit, bit for bit, whatever
+   the processor, thread count or compiler flags; closed meshes never leak. C99 and C++11; needs libc and libm only.
 
    QUICK START
 
@@ -55,15 +55,16 @@
 
    MEMORY
 
-     An accel takes 40 bytes a triangle (4 with opt->reference), 20 bytes a sphere (4), 120 bytes an instance, and its tree: RT_BVH 32
-     bytes a node (at most 2 n - 1 nodes, about n on meshes); RT_KDTREE 8 bytes a node (2 to 3 n on meshes), 14 more unless
-     opt->no_backtrack, and 4 bytes for each time that a leaf with several primitives names one (at most opt->max_duplication a primitive).
-     While building, RT_BVH takes 128 bytes a primitive more, half of them for nodes; RT_KDTREE 32 bytes a reference, twice at the top of
-     the tree, and a lane of 1 MiB (208 KiB times opt->max_duplication), or 16 with a parallel_for. All is released before rt_build
-     returns; rt_get_info tells what an accel holds. Stack: 2 KiB for a single ray, 9 KiB for a packet of 4 or 8, and as much again for each
-     level of instances; large packets 46 KiB up to 16 x 16 rays, 166 KiB with 32 x 32, and 44 KiB for each level of instances. Of a packet
-     of 16 x 16, tests of boxes and edges read 8 KiB and all tests together 20 KiB: that stays in a first-level cache of 32 KiB. Of one of
-     32 x 32 only the former do, with 33 KiB, in one of 48.
+     An accel takes 40 bytes a triangle (4 with opt->reference), 20 bytes a sphere (4), 168 bytes an instance, and its tree:
+     RT_THREADED 32 bytes a node (0.7 to 1.5 n of them) and 8 for each of opt->orders, and 4 an instance; RT_BVH 32 bytes a node (at
+     most 2 n - 1 nodes, about n on meshes); RT_KDTREE 8 bytes a node (2 to 3 n on meshes), 14 more unless opt->no_backtrack, and 4
+     bytes for each time that a leaf with several primitives names one (at most opt->max_duplication a primitive). While building,
+     RT_BVH and RT_THREADED take 128 bytes a primitive more, half of them for nodes; RT_KDTREE 32 bytes a reference, twice at the top
+     of the tree, and a lane of 1 MiB (208 KiB times opt->max_duplication), or 16 with a parallel_for. All is released before rt_build
+     returns; rt_get_info tells what an accel holds. Stack: 2 KiB for a single ray, 9 KiB for a packet of 4 or 8, and as much again for
+     each level of instances; large packets 46 KiB up to 16 x 16 rays, 166 KiB with 32 x 32, and 44 KiB for each level of instances. Of
+     a packet of 16 x 16, tests of boxes and edges read 8 KiB and all tests together 20 KiB: that stays in a first-level cache of 32
+     KiB. Of one of 32 x 32 only the former do, with 33 KiB, in one of 48.
 
    MACROS, each defined before the include
 
@@ -456,8 +457,8 @@ typedef struct {
     float open, close;                      /* when the shutter is, 0 <= open <= close <= 1: each ray has a time between, all alike likely */
 } rt_lens;
 
-/* The ray of rt_camera_ray through a point of the lens: of the square [0,1) x [0,1), which is laid onto the disc evenly. t is depth, tmin 0. All rays
-   of a pixel meet in the plane of focus. Its time is the caller's to choose. */
+/* The ray of rt_camera_ray through a point of the lens: of the square [0,1) x [0,1), which is laid onto the disc evenly. t is depth, tmin
+   0. All rays of a pixel meet in the plane of focus. Its time is the caller's to choose. */
 RT_API rt_ray rt_lens_ray(const rt_camera *camera, const rt_lens *lens, float x, float y, int width, int height, const float on_lens[2]);
 #endif
 
@@ -517,8 +518,8 @@ RT_API rt_status rt_rasterize(const rt_geometry *geo, const rt_camera *camera, i
 
 /* ---- >>texture-api -------------------------------------------------------------------------------------------------- */
 
-/* What multiplies a material's diffuse colour, or raises its surface (bump mapping, Blinn 1978). Each is filtered over the piece of the surface
-   that a pixel sees, so that it does not shimmer. */
+/* What multiplies a material's diffuse colour, or raises its surface (bump mapping, Blinn 1978). Each is filtered over the piece of the
+   surface that a pixel sees, so that it does not shimmer. */
 #define RT_TEXTURE_LIST(X) X(RT_TEXTURE_IMAGE, "image") X(RT_TEXTURE_CHECKER, "checker") X(RT_TEXTURE_NOISE, "noise")
 typedef enum { RT_TEXTURE_LIST(RTI_ENUM) RT_TEXTURE_COUNT } rt_texture_kind;
 
@@ -543,8 +544,9 @@ RT_API void rt_make_texture_levels(const rt_vec3 *pixels, int width, int height,
 #define RT_MAX_DEPTH 64                     /* levels of reflection and refraction */
 
 #ifndef RT_NO_SAMPLING
-/* How the samples of a pixel weigh what is around its middle: samples are placed as dense as the filter is high, so all count alike and pixels
-   need not know of each other. BOX: the pixel itself; TENT: a pyramid 2 pixels wide; GAUSSIAN: deviation 1/2 pixel, cut off at 3/2. */
+/* How the samples of a pixel weigh what is around its middle: samples are placed as dense as the filter is high, so all count alike and
+   pixels need not know of each other. BOX: the pixel itself; TENT: a pyramid 2 pixels wide; GAUSSIAN: deviation 1/2 pixel, cut off at 3/2.
+   */
 #define RT_FILTER_LIST(X) X(RT_FILTER_BOX, "box") X(RT_FILTER_TENT, "tent") X(RT_FILTER_GAUSSIAN, "gaussian")
 typedef enum { RT_FILTER_LIST(RTI_ENUM) RT_FILTER_COUNT } rt_filter;
 #endif
@@ -569,8 +571,9 @@ typedef struct {
     float bump_height;                      /* in units of the space of the primitive */
 } rt_material;
 
-/* A point; no falloff, as in Phong's model. With a size it is the mean over its points as seen from the surface: by solid angle, so that nearer
-   and less tilted parts count more, as they do on a real lamp. It is not seen itself: give it a body that glows, smaller than it, to see. */
+/* A point; no falloff, as in Phong's model. With a size it is the mean over its points as seen from the surface: by solid angle, so that
+   nearer and less tilted parts count more, as they do on a real lamp. It is not seen itself: give it a body that glows, smaller than it,
+   to see. */
 typedef struct {
     rt_vec3 position, color;
 #ifndef RT_NO_SAMPLING
@@ -624,18 +627,17 @@ typedef struct {
 
 typedef struct { uint64_t primary, shadow, reflect, refract; } rt_ray_counts;
 
-/* Each sample of a pixel is a tree of rays, as Whitted's, of which every one that may spread is sent in one direction by chance ([Cook], [Lohr] 7): through a
-   point of the pixel and of the lens, at a time, to a point of each light, along the lobe of each rough mirror and glass. The mean over all chances is
-   what the picture tends to; opt->spp samples differ from it by noise. What a scene and opt do not use costs neither samples nor rays.
-   Renders the pixels [x0,x1) x [y0,y1) of the picture to pixels, which holds the whole picture row by row (linear RGB): so tiles may
-   be rendered by any threads in any order, with any algorithm, and the picture is the same. rays may be NULL; counts are added to it.
-   Threads may share scene and opt, but not what is written: rays, opt->trace.error and opt->trace.stats. Tiles that start and end at
-   multiples of 32 pixels are the fastest.
-   A ray whose part of its pixel is below 1/512 in every channel is left out. So a sample has at most 1536 rays a level, whatever the
-   materials, and some hundreds in all behind surfaces that reflect one half and transmit the other.
-   Errors as rt_trace; RT_ERROR_ARGUMENT where opt->raster is of another camera, size or number of primitives. Eye rays that are rasterised
-   are counted in rays, not in opt->trace.stats. No allocation. Stack: 150 KiB for blocks of 16 x 16 pixels, 560 KiB for those of 32 x 32
-   that an opt->trace.packet_width above 16 asks for; 6 KiB more with raster, 44 KiB more a level of instances. */
+/* Each sample of a pixel is a tree of rays, as Whitted's, of which every one that may spread is sent in one direction by chance ([Cook],
+   [Lohr] 7): through a point of the pixel and of the lens, at a time, to a point of each light, along the lobe of each rough mirror and
+   glass. The mean over all chances is what the picture tends to; opt->spp samples differ from it by noise. What a scene and opt do not use
+   costs neither samples nor rays. Renders the pixels [x0,x1) x [y0,y1) of the picture to pixels, which holds the whole picture row by row
+   (linear RGB): so tiles may be rendered by any threads in any order, with any algorithm, and the picture is the same. rays may be NULL;
+   counts are added to it. Threads may share scene and opt, but not what is written: rays, opt->trace.error and opt->trace.stats. Tiles
+   that start and end at multiples of 32 pixels are the fastest. A ray whose part of its pixel is below 1/512 in every channel is left out.
+   So a sample has at most 1536 rays a level, whatever the materials, and some hundreds in all behind surfaces that reflect one half and
+   transmit the other. Errors as rt_trace; RT_ERROR_ARGUMENT where opt->raster is of another camera, size or number of primitives. Eye rays
+   that are rasterised are counted in rays, not in opt->trace.stats. No allocation. Stack: 158 KiB for blocks of 16 x 16 pixels, 600 KiB
+   for those of 32 x 32 that an opt->trace.packet_width above 16 asks for; 6 KiB more with raster, 44 KiB more a level of instances. */
 RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *opt, int x0, int y0, int x1, int y1, rt_vec3 *pixels,
                                 rt_ray_counts *rays);
 
@@ -937,7 +939,8 @@ RTI_INLINE bool rti_kd_empty(const rti_kdnode *node) { return (node->word & 3) =
 RTI_INLINE uint32_t rti_kd_children(const rti_kdnode *node) { return (node->word & ~15u) / 8; }
 
 /* node of RT_THREADED: the same, but that index of an inner node is not used and that bounds may be a sphere: x y z of its centre, its
-   radius. Nodes stand in depth-first order. Where to go on is told by the node's link in one of the lists of links, by the ray's direction. */
+   radius. Nodes stand in depth-first order. Where to go on is told by the node's link in one of the lists of links, by the ray's
+   direction. */
 typedef struct { uint32_t hit, miss; } rti_link;            /* of a leaf both are where to go on behind it */
 #define RTI_END 0xffffffffu                  /* nowhere */
 
@@ -1190,8 +1193,8 @@ RTI_NOINLINE void rti_move_back(const rt_motion *motion, float time, float org[3
     }
 }
 
-/* Where a motion carries the points p within part i of n of the time: adds that to lo and hi. Between its ends a point on a circle of radius r
-   that turns by a strays from the straight line by at most r a^2 / 8. */
+/* Where a motion carries the points p within part i of n of the time: adds that to lo and hi. Between its ends a point on a circle of
+   radius r that turns by a strays from the straight line by at most r a^2 / 8. */
 static void rti_sweep_part(const rt_motion *motion, double p[8][3], int part, int parts, double lo[3], double hi[3])
 {
     const double step = (double)motion->angle / parts;
@@ -3402,7 +3405,8 @@ static uint32_t rti_unfold(rti_threader *t, const rti_node *from, uint32_t at)
     return twig->skip;
 }
 
-/* The points that a primitive's bounding sphere must hold: the corners of a triangle, or of an instance's box; 0: a sphere, which is ball. */
+/* The points that a primitive's bounding sphere must hold: the corners of a triangle, or of an instance's box; 0: a sphere, which is ball.
+   */
 static int rti_prim_points(const rt_geometry *geo, uint32_t prim, double points[8][3], rt_sphere *ball)
 {
     rti_box box;
@@ -3426,7 +3430,8 @@ static int rti_prim_points(const rt_geometry *geo, uint32_t prim, double points[
     return 8;
 }
 
-/* Centre x y z and radius of a sphere around the primitives of a leaf, which is at least that far from `from` what they need: grows *most. */
+/* Centre x y z and radius of a sphere around the primitives of a leaf, which is at least that far from `from` what they need: grows *most.
+   */
 static void rti_reach_leaf(const rt_accel *accel, const rt_geometry *geo, const rti_node *leaf, const double from[3], double *most)
 {
     uint32_t n;
@@ -3449,8 +3454,8 @@ static void rti_reach_leaf(const rt_accel *accel, const rt_geometry *geo, const 
     }
 }
 
-/* The bounding sphere of a node from the leaves below it, [first, last) of every stride-th node, around the middle of box. A little larger, for
-   the rounding of the test; see rti_meet_sphere. */
+/* The bounding sphere of a node from the leaves below it, [first, last) of every stride-th node, around the middle of box. A little
+   larger, for the rounding of the test; see rti_meet_sphere. */
 static void rti_set_sphere(const rt_accel *accel, const rt_geometry *geo, const char *first, const char *last, size_t stride,
                            const rti_box *box, float bounds[6])
 {
@@ -3602,8 +3607,8 @@ static rt_status rti_thread(rt_accel *accel, const rt_geometry *geo, const rt_bu
     return RT_OK;
 }
 
-/* The sphere of an inner node from those of the leaves below it, nodes[at + 1] to nodes[end - 1], around the middle of their box. Spheres around spheres
-   of inner nodes would grow at each level. */
+/* The sphere of an inner node from those of the leaves below it, nodes[at + 1] to nodes[end - 1], around the middle of their box. Spheres
+   around spheres of inner nodes would grow at each level. */
 static void rti_set_outer_sphere(rti_node *nodes, size_t at, size_t end, rti_box *box)
 {
     float *sphere = nodes[at].bounds;
@@ -4253,7 +4258,8 @@ typedef enum {
     RTI_VIEW      = 3,                      /* the ray's dir; then of unit length, towards where it came from */
     RTI_GEOMETRIC = 6,                      /* the surface's normal; then of unit length, on the viewer's side */
     RTI_NORMAL    = 9,                      /* the shading normal; then of unit length, on the side of the other */
-    RTI_OFFSET    = 12,                     /* how large the numbers are that t was made of; then how far in front of the surface secondary rays start */
+    RTI_OFFSET    = 12,                     /* how large the numbers are that t was made of; then how far in front of the surface
+                                               secondary rays start */
     RTI_TO_LIGHT  = 13,                     /* from there to the light */
     RTI_COSINE    = 16,                     /* of the shading normal and the light; 0 where that lies behind the surface */
     RTI_HIGHLIGHT = 17,                     /* of the mirrored light and the viewer */
@@ -4264,7 +4270,8 @@ typedef enum {
 
 typedef struct { float lanes[RTI_LANE_COUNT * RTI_ABREAST]; } RTI_ALIGNED(32) rti_surfaces;     /* number k of surface i at 8 k + i */
 
-/* count surfaces; what is behind them in their last rti_surfaces is read and written too. light NULL: each surface has its own, in RTI_TO_LIGHT. */
+/* count surfaces; what is behind them in their last rti_surfaces is read and written too. light NULL: each surface has its own, in
+   RTI_TO_LIGHT. */
 typedef void (*rti_finish_function)(rti_surfaces *s, size_t count);
 typedef void (*rti_aim_function)(rti_surfaces *s, size_t count, const rt_vec3 *light);
 
@@ -4627,8 +4634,8 @@ static uint32_t rti_reverse(uint32_t x)
     return (x & 0x55555555u) << 1 | (x & 0xaaaaaaaau) >> 1;
 }
 
-/* Owen's scrambling: whether a bit is flipped depends on all that are above it. On reversed bits a product, and a sum, carry upwards only; so does what
-   is xored with an even product (Laine and Karras 2011). */
+/* Owen's scrambling: whether a bit is flipped depends on all that are above it. On reversed bits a product, and a sum, carry upwards only;
+   so does what is xored with an even product (Laine and Karras 2011). */
 static uint32_t rti_owen(uint32_t x, uint32_t key)
 {
     x = rti_reverse(x);
@@ -4670,7 +4677,8 @@ RT_API void rt_sample_2d(const rt_sampler *sampler, uint32_t x, uint32_t y, uint
         const uint32_t hash = rti_hash_next(key, sample);
         point[0] = rti_unit_float(hash);
         point[1] = rti_unit_float(rti_hash_next(hash, 1));
-    } else if (sampler->kind == RT_SAMPLER_STRATIFIED) {        /* multi-jittering (Chiu et al. 1994): each coordinate by itself is stratified n-fold too */
+    } else if (sampler->kind == RT_SAMPLER_STRATIFIED) {
+        /* Multi-jittering (Chiu et al. 1994): each coordinate by itself is stratified n-fold too. */
         const uint32_t hash = rti_hash_next(key, sample), s = rti_shuffle(sample % n, n, key);
         uint32_t columns = 1, rows, column, row, across;
         while ((columns + 1) * (columns + 1) <= n) columns++;
@@ -4767,7 +4775,11 @@ static rt_ray rti_view_ray(const rti_view *view, float x, float y)
 
 #if RTI_SAMPLING
 /* What a lens adds to a view. */
-typedef struct { rt_vec3 right, down; float rfocus; bool open; } rti_aperture;     /* its radius along both; 1 / depth of focus; false: a pinhole */
+typedef struct {
+    rt_vec3 right, down;                    /* its radius along both */
+    float rfocus;                           /* 1 / depth of focus */
+    bool open;                              /* false: a pinhole */
+} rti_aperture;
 
 static rti_aperture rti_make_aperture(const rt_camera *camera, const rti_view *view, const rt_lens *lens)
 {
@@ -5378,8 +5390,8 @@ static bool rti_raster_fits(const rt_raster *r, const rt_geometry *geo, const rt
 
 /* ---- >>texture ------------------------------------------------------------------------------------------------------ */
 
-/* What a pixel sees of a surface is about an ellipse; a texture's mean over it is what is asked for. It comes in texture coordinates, or, of solid
-   textures, in space: its middle, and its axes, from edge to edge. */
+/* What a pixel sees of a surface is about an ellipse; a texture's mean over it is what is asked for. It comes in texture coordinates, or,
+   of solid textures, in space: its middle, and its axes, from edge to edge. */
 typedef struct { float at[3], axes[2][3]; } rti_spot;       /* axes at right angles, the first the long one; of an image in texels, at in 1 */
 
 RT_API size_t rt_count_texture_levels(int width, int height)
@@ -5588,8 +5600,8 @@ static rti_mapping rti_map_triangle(const rt_scene *scene, const rt_hit *hit, rt
     return m;
 }
 
-/* Of a sphere, out being from its centre: longitude, 0.5 at +x and growing towards +z, and latitude from -y. Near the poles a step may go round: that is as far as
-   it counts. */
+/* Of a sphere, out being from its centre: longitude, 0.5 at +x and growing towards +z, and latitude from -y. Near the poles a step may go
+   round: that is as far as it counts. */
 static rti_mapping rti_map_sphere(rt_vec3 out)
 {
     const float level2 = out.x * out.x + out.z * out.z, r2 = level2 + out.y * out.y, level = sqrtf(level2);
@@ -5666,12 +5678,13 @@ static float rti_height_at(const rt_texture *texture, const rti_mapping *m, rt_v
     return (color.x + color.y + color.z) * 0.333333333f;
 }
 
-/* Blinn 1978: the normal, of unit length, of a surface raised by a texture's height: by its slopes along the axes of what is seen, over no less than those,
-   so that waves too short to be seen do not tilt it; and no less than a texel or a small part of a wave. */
+/* Blinn 1978: the normal, of unit length, of a surface raised by a texture's height: by its slopes along the axes of what is seen, over no
+   less than those, so that waves too short to be seen do not tilt it; and no less than a texel or a small part of a wave. */
 static rt_vec3 rti_bump(const rt_material *material, const rti_mapping *m, rt_vec3 point, rt_vec3 normal, const rt_vec3 steps[2])
 {
     const rt_texture *texture = material->bump;
-    const float size = texture->size > 0 ? texture->size : 1, most = (float)(texture->width > texture->height ? texture->width : texture->height);
+    const float size = texture->size > 0 ? texture->size : 1;
+    const float most = (float)(texture->width > texture->height ? texture->width : texture->height);
     const float least = texture->kind == RT_TEXTURE_IMAGE ? 0.5f / most : size / 32;
     const float long2 = rti_dot(steps[0], steps[0]), short2 = rti_dot(steps[1], steps[1]);
     rt_vec3 bumped = normal, round[2];      /* where the axes differ much, a circle between them: one look at the texture, not many */
@@ -6647,8 +6660,8 @@ RT_API rt_status rt_check_scene(const rt_scene *scene, rt_error *error)
                                 names[k]);
         if (!(fabsf(m->bump_height) <= RT_MAX_COORDINATE))
             return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "material %lu: bump_height is not finite or too large", (unsigned long)i);
-        if ((status = rti_check_texture(m->texture, "texture", i, error)) != RT_OK || (status = rti_check_texture(m->bump, "bump", i, error)) != RT_OK)
-            return status;
+        if ((status = rti_check_texture(m->texture, "texture", i, error)) != RT_OK) return status;
+        if ((status = rti_check_texture(m->bump, "bump", i, error)) != RT_OK) return status;
 #if RTI_SAMPLING
         if (!(m->roughness >= 0 && m->roughness <= 1))
             return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "material %lu: roughness does not lie between 0 and 1", (unsigned long)i);
@@ -6802,9 +6815,9 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 /* ---- >>wide --------------------------------------------------------------------------------------------------------- */
 
 /* v: RTI_WIDTH floats; d: RTI_WIDTH doubles; a set of lanes is an unsigned, bit i for lane i. vmin and vmax answer the second operand
-   where either is NaN; vfma, a * b + c, may round once or twice: it is not for what must agree. vplane is how far
-   along a ray an axis-aligned plane lies; its origin is what vorigin makes of the ray's. vquad repeats
-   four numbers; vapart tells whether, of lanes 0 to 3, the least of a is below the greatest of b. Every name gets the pass's suffix, so a profile shows which one ran. */
+   where either is NaN; vfma, a * b + c, may round once or twice: it is not for what must agree. vplane is how far along a ray an
+   axis-aligned plane lies; its origin is what vorigin makes of the ray's. vquad repeats four numbers; vapart tells whether, of lanes 0 to
+   3, the least of a is below the greatest of b. Every name gets the pass's suffix, so a profile shows which one ran. */
 #define RTI_NAME_(name) RTI_PASTE(name, RTI_SUFFIX)
 #define rti_v RTI_NAME_(rti_v)
 #define rti_d RTI_NAME_(rti_d)
@@ -7247,8 +7260,8 @@ RTI_FN rti_d rti_product(rti_d a, rti_d b)
 
 /* ---- >>boxes -------------------------------------------------------------------------------------------------------- */
 
-/* RTI_WIDTH rays side by side, what traversal needs of them, and their hits so far. Large packets hold many: what box tests read comes first,
-   what few tests read last. */
+/* RTI_WIDTH rays side by side, what traversal needs of them, and their hits so far. Large packets hold many: what box tests read comes
+   first, what few tests read last. */
 typedef struct {
     float rdir[3][RTI_WIDTH];                               /* 1 / dir, bounded */
     float tmin[RTI_WIDTH], t[RTI_WIDTH];                    /* t: of the hit; starts as tmax */
@@ -7335,7 +7348,8 @@ RTI_FN void rti_no_hits(rti_packet *p)
     rti_vstore(p->inst.bits, rti_vset(0));
 }
 
-/* What the primitive tests need to know of directions; answers the lanes of legal whose largest component, which it tells, is large enough. */
+/* What the primitive tests need to know of directions; answers the lanes of legal whose largest component, which it tells, is large
+   enough. */
 RTI_FN unsigned rti_orient(rti_packet *p, const rti_v dir[3], unsigned legal, rti_v *largest)
 {
     const unsigned y_over_x = rti_vlt(rti_vabs(dir[0]), rti_vabs(dir[1]));
@@ -8252,12 +8266,12 @@ RTI_FN unsigned rti_kd_walk(const rt_accel *accel, rti_packet *p, unsigned live,
 
 #if RTI_THREADED
 
-/* [Lohr] 4 to 6. From node to node along the links: no stack. Several packets may go together, on an either-or basis: what any of their rays hits
-   is entered by all ([Lohr] 5). Which list of links they take only decides how soon near hits shorten the rays.
+/* [Lohr] 4 to 6. From node to node along the links: no stack. Several packets may go together, on an either-or basis: what any of their
+   rays hits is entered by all ([Lohr] 5). Which list of links they take only decides how soon near hits shorten the rays.
 
    A transform node, an instance whose accel is threaded too, is entered and left without a stack ([Lohr] 6): rays are transformed, and the
-   walk goes on at the root of that accel. Behind its last node the number of the path, see >>instance, is the way back: it tells which instance
-   of which accel was entered, that accel's leaf where to go on, and the rays there are those of the outermost accel, transformed
+   walk goes on at the root of that accel. Behind its last node the number of the path, see >>instance, is the way back: it tells which
+   instance of which accel was entered, that accel's leaf where to go on, and the rays there are those of the outermost accel, transformed
    again down the path, with the hits found meanwhile. */
 
 #define RTI_GROUPS (RTI_WIDTH == 1 ? 1 : 16 / RTI_WIDTH)   /* packets that go together at most: 16 rays */
@@ -8285,10 +8299,10 @@ RTI_FN rti_sweep rti_make_sweep(const rti_packet *p)
     return s;
 }
 
-/* Lanes whose ray comes nearer to the centre than the radius, between tmin and tmax. With e = 2^-24 and R as in rti_prepare, which is at least the
-   distance over sqrt(3): the point nearest to the centre is found to within 12 e times the distance, 21 e R, and a hit lies up to sqrt(3)
-   pads off its primitive: together less than 4 pads, since one is at least 16 e R. Squares err by 8 e of the radius at most, by which
-   rti_set_sphere has made it larger. */
+/* Lanes whose ray comes nearer to the centre than the radius, between tmin and tmax. With e = 2^-24 and R as in rti_prepare, which is at
+   least the distance over sqrt(3): the point nearest to the centre is found to within 12 e times the distance, 21 e R, and a hit lies up
+   to sqrt(3) pads off its primitive: together less than 4 pads, since one is at least 16 e R. Squares err by 8 e of the radius at most, by
+   which rti_set_sphere has made it larger. */
 RTI_FN unsigned rti_meet_sphere(const rti_sweep *s, const float sphere[4], rti_v tmax)
 {
     const rti_v x = rti_vsub(rti_vset(sphere[0]), s->org[0]), y = rti_vsub(rti_vset(sphere[1]), s->org[1]);
@@ -8310,8 +8324,8 @@ typedef struct {
     unsigned live[RTI_GROUPS];
 } rti_thread_state;
 
-/* To the first node of accel, in the order that suits the first ray, live or not: the walk comes back to where it was in that order, when other
-   rays may have ended. */
+/* To the first node of accel, in the order that suits the first ray, live or not: the walk comes back to where it was in that order, when
+   other rays may have ended. */
 RTI_FN void rti_thread_start(rti_thread_state *s, const rt_accel *accel, uint32_t inst, rti_packet *p)
 {
     uint32_t order = 0;
@@ -8334,8 +8348,10 @@ RTI_FN void rti_thread_aim(const rti_thread_state *s, rti_slabs *slabs, rti_swee
 {
     int g;
     for (g = 0; g < groups; g++) {
-        if (groups > 1 && !s->live[g])      /* not prepared, since no ray goes along: only the indices must be sound */
+        if (groups > 1 && !s->live[g]) {    /* not prepared, since no ray goes along: only what is asked for must be sound */
             s->p[g].side[0] = s->p[g].side[1] = s->p[g].side[2] = 0;
+            s->p[g].uniform = false;
+        }
         if (flags & (RTI_WALK_ROUND | RTI_WALK_EITHER)) sweeps[g] = rti_make_sweep(&s->p[g]);
         if (!(flags & RTI_WALK_ROUND)) slabs[g] = rti_make_slabs(&s->p[g]);
     }
@@ -8353,7 +8369,8 @@ RTI_NOINLINE RTI_TARGET void rti_thread_enter(rti_thread_state *s, uint32_t slot
     if (!all) s->at = RTI_END;
 }
 
-/* Leaves the instance that the rays, inner, are in: they were outer in root, whose own hits are called inst. Answers the slot of that instance. */
+/* Leaves the instance that the rays, inner, are in: they were outer in root, whose own hits are called inst. Answers the slot of that
+   instance. */
 RTI_NOINLINE RTI_TARGET uint32_t rti_thread_leave(rti_thread_state *s, const rt_accel *root, uint32_t inst, rti_packet *outer,
                                                   rti_packet *inner, const unsigned *live, int groups)
 {
@@ -9276,8 +9293,8 @@ RTI_FN int rti_mask_rays(rti_large *g, const rti_door *door, bool inner, const i
     return alive;
 }
 
-/* [Overbeck] Figure 2, A.1 and A.2 in one: what differs is which SIMD rays stay active. active is, of Ranged, the first that is; of Partition,
-   how many entries of order are. The child whose middle comes first along the rays is near. */
+/* [Overbeck] Figure 2, A.1 and A.2 in one: what differs is which SIMD rays stay active. active is, of Ranged, the first that is; of
+   Partition, how many entries of order are. The child whose middle comes first along the rays is near. */
 RTI_FN void rti_large_body(const rt_accel *accel, rti_large *g, uint32_t inst, const rt_algorithm kind, const int flags, const rti_job *job)
 {
     struct { const rti_node *node; int active, depth; } stack[RTI_MAX_DEPTH];
@@ -9417,7 +9434,8 @@ RTI_FN rti_v rti_take_lanes(const float *from, size_t first, int n)
     return rti_vload(padded);
 }
 
-/* Fills p from n of a call's rays, at most RTI_WIDTH, from first on; answers their lanes. Missing rays repeat the last and are not traced. */
+/* Fills p from n of a call's rays, at most RTI_WIDTH, from first on; answers their lanes. Missing rays repeat the last and are not traced.
+   */
 RTI_FN unsigned rti_take_rays(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t first, int n, rti_packet *p)
 {
     const rt_ray_arrays *from = job->from;
@@ -9571,8 +9589,10 @@ RTI_NOINLINE RTI_TARGET void rti_batch_parallel(const rt_accel *accel, const rti
 #endif
             rti_thread_groups(accel, p, live, found, groups, job);
         }
-        for (i = 0; i < groups; i++)
-            rti_give_hits(job, &p[i], found[i], hits, first + (size_t)(i * RTI_WIDTH), n - i * RTI_WIDTH < RTI_WIDTH ? n - i * RTI_WIDTH : RTI_WIDTH);
+        for (i = 0; i < groups; i++) {
+            const int from = i * RTI_WIDTH;
+            rti_give_hits(job, &p[i], found[i], hits, first + (size_t)from, n - from < RTI_WIDTH ? n - from : RTI_WIDTH);
+        }
     }
 }
 #endif

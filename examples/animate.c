@@ -288,7 +288,7 @@ static bool show_make(show *s, const options *o)
     s->fields.colors[0] = vec(0.75f, 0.72f, 0.62f), s->fields.colors[1] = vec(0.16f, 0.22f, 0.2f);
     s->waves.kind = RT_TEXTURE_NOISE, s->waves.solid = true, s->waves.size = 0.5f;
     s->materials[2].texture = &s->fields;
-    if (o->effects[BUMP]) s->materials[2].bump = &s->waves, s->materials[2].bump_height = 0.08f;
+    if (o->effects[BUMP]) s->materials[2].bump = &s->waves, s->materials[2].bump_height = 0.15f;
     for (i = 0; i <= BALLS; i++) s->ids[i] = (uint32_t)i;
     s->lights[0].position = vec(-4, 7, 5), s->lights[0].color = vec(0.62f, 0.58f, 0.5f);
     s->lights[1].position = vec(5, 6, 2), s->lights[1].color = vec(0.26f, 0.3f, 0.38f);

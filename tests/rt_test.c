@@ -7150,13 +7150,13 @@ static void rtt_test_motion(void)
     static const float scales[] = { 1, 1e-5f, 1e9f };
     rtt_random random = rtt_stream();
 
-    for (size_t i = 0; i < 3 * RTT_COUNT(angles); i++) {
+    for (size_t i = 0; i < RTT_COUNT(angles) + 2; i++) {
         rtt_model child = { 0 }, middle = { 0 }, world = { 0 };
         rtt_rays rays = { 0 };
-        float angle = angles[i / 3], size = scales[i % 3], matrix[12];
+        float angle = angles[i % RTT_COUNT(angles)], size = scales[i % 3], matrix[12];
 
         child.structure = (rt_structure)(i % RT_STRUCTURE_COUNT);
-        middle.structure = (rt_structure)(i / 2 % RT_STRUCTURE_COUNT);
+        middle.structure = (rt_structure)((i / 3 + i) % RT_STRUCTURE_COUNT);
         rtt_cloud(&child, &random, 25, rtt_origin, size, 0.5f * size);
         rtt_balls(&child, &random, 4, rtt_origin, size, 0.2f * size);
         for (int k = 0; k < 3; k++) {
@@ -7181,9 +7181,11 @@ static void rtt_test_motion(void)
         rtt_rays_times(&rays, &random);
         CHECK(rtt_hits(&world, &rays) > rays.count / 4);
         rtt_check("motion", &world, &rays);
-        free(rays.time);
-        rays.time = NULL;                   /* as at time 0 */
-        rtt_check("motion at 0", &world, &rays);
+        if (i == 2) {                       /* as at time 0 */
+            free(rays.time);
+            rays.time = NULL;
+            rtt_check("motion at 0", &world, &rays);
+        }
         rtt_model_free(&world);
         rtt_model_free(&middle);
         rtt_model_free(&child);
