@@ -7078,9 +7078,10 @@ static void rtt_test_ground(void)
         rtt_rays_pinhole(&rays, rtt_mul(rtt_v(0.5f, 1, -3), size), rtt_origin, size, 16);
         for (int k = 0; k < 40; k++) {      /* along the planes, from them, and in them */
             rt_vec3 p = rtt_point(&random, rtt_origin, size);
+            float x = rtt_signed(&random), y = rtt_signed(&random);
 
             p.y = 0;
-            rtt_segment(&rays, p, rtt_v(rtt_signed(&random), k % 4 ? 0 : rtt_signed(&random), 1), k % 2 ? 0 : -1, k % 3 ? INFINITY : 1);
+            rtt_segment(&rays, p, rtt_v(x, k % 4 ? 0 : y, 1), k % 2 ? 0 : -1, k % 3 ? INFINITY : 1);
             rtt_segment(&rays, rtt_add(p, rtt_mul(rtt_v(0, 0.5f, 0), size)), rtt_v(0, k % 2 ? -1e-20f : 1e20f, 0), 0, INFINITY);
         }
         rtt_rays_tighten(&rays, &model, 60);
@@ -7143,6 +7144,14 @@ static void rtt_test_ground_bad(void)
     rtt_model_free(&endless);
 }
 
+/* A motion of the last instance within size; calls in a fixed order, for the same models from every compiler. */
+static void rtt_any_motion(rtt_model *model, rtt_random *random, float size, float axis_size, float angle)
+{
+    rt_vec3 move = rtt_point(random, rtt_origin, size), pivot = rtt_point(random, rtt_origin, size), axis = rtt_point(random, rtt_origin, axis_size);
+
+    rtt_set_motion(model, move, pivot, axis, angle);
+}
+
 /* Translated, turned, nested, whole turns and none, small and large, with a time for each ray. */
 static void rtt_test_motion(void)
 {
@@ -7163,16 +7172,14 @@ static void rtt_test_motion(void)
             rtt_matrix(&random, 0.5f, rtt_point(&random, rtt_origin, size), matrix);
             rtt_instance(&middle, &child, matrix);
             if (k)
-                rtt_set_motion(&middle, rtt_point(&random, rtt_origin, size), rtt_point(&random, rtt_origin, size),
-                               rtt_point(&random, rtt_origin, k == 1 ? 1 : 1e-20f), angle);
+                rtt_any_motion(&middle, &random, size, k == 1 ? 1 : 1e-20f, angle);
         }
         rtt_ball(&middle, rtt_origin, 0.2f * size);
         for (int k = 0; k < 8; k++) {
             rtt_matrix(&random, 1, rtt_point(&random, rtt_origin, size), matrix);
             rtt_instance(&world, k % 2 ? &middle : &child, matrix);
             if (k % 4)
-                rtt_set_motion(&world, rtt_point(&random, rtt_origin, size), rtt_point(&random, rtt_origin, size),
-                               angle != 0 ? rtt_point(&random, rtt_origin, 1e10f) : rtt_origin, angle);
+                rtt_any_motion(&world, &random, size, angle != 0 ? 1e10f : 0, angle);
         }
         rtt_cloud(&world, &random, 10, rtt_origin, size, size);
         rtt_ground(&world, rtt_mul(rtt_v(0, -1, 0), size), rtt_v(0, 1, 0.1f), 2 * size);
@@ -7238,10 +7245,10 @@ static void rtt_test_motion_transform(void)
         rtt_ball(&child, rtt_v(0.2f, 0.1f, 0.3f), 0.1f);
         rtt_matrix(&random, 1, rtt_point(&random, rtt_origin, 1), matrix);
         rtt_instance(&middle, &child, matrix);
-        rtt_set_motion(&middle, rtt_point(&random, rtt_origin, 3), rtt_point(&random, rtt_origin, 3), rtt_point(&random, rtt_origin, 1), 2);
+        rtt_any_motion(&middle, &random, 3, 1, 2);
         rtt_matrix(&random, 1, rtt_point(&random, rtt_origin, 1), matrix);
         rtt_instance(&world, &middle, matrix);
-        rtt_set_motion(&world, rtt_point(&random, rtt_origin, 3), rtt_point(&random, rtt_origin, 3), rtt_point(&random, rtt_origin, 1), -1);
+        rtt_any_motion(&world, &random, 3, 1, -1);
         geometry = rtt_geometry(&world);
         memset(&options, 0, sizeof options);
         options.times = &time;
