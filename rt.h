@@ -779,6 +779,15 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #else
 #define RTI_ROUND(x) ((void)0)              /* fp_contract(off) above */
 #endif
+/* What the device of rt_gpu.h must do alike is compiled twice from one text: as C here, and as OpenCL C, for which rt_gpu.h includes this file
+   again with RTI_TEXT, when RTI_SHARED makes strings of it. So it keeps to what both languages have, and to constants rather than #if. Memory
+   of an accel is RTI_GLOBAL. */
+#define RTI_SHARED(...) __VA_ARGS__
+#define RTI_GLOBAL
+#define RTI_OPEN(name, parent, accel) const rt_accel *const name = (accel)     /* an instance's accel, by what the instance keeps of it */
+#define RTI_STACK RTI_MAX_DEPTH             /* entries */
+#define RTI_SHORT_STACK RT_MAX_SHORT_STACK
+
 RTI_INLINE float rti_roundf(float x) { RTI_ROUND(x); return x; }
 RTI_INLINE double rti_round(double x) { RTI_ROUND(x); return x; }
 
@@ -1125,7 +1134,7 @@ static double rti_stretch(const float m[12])
    is brought to [-pi/4, pi/4] by quarters, pi/2 being taken off in two parts of which the first has few enough bits to be exact. */
 static void rti_sine_cosine(double angle, double *sine, double *cosine)
 {
-    const double quarters = floor(angle * 0.63661977236758134 + 0.5);
+    const double quarters = floor(rti_round(angle * 0.63661977236758134) + 0.5);
     const double x = angle - rti_round(quarters * 1.5707963267341256) - rti_round(quarters * 6.0771005065061922e-11), y = rti_round(x * x);
     const int quarter = (int)quarters & 3;
     double s = -1.0 / 1307674368000.0, c = -1.0 / 87178291200.0;
@@ -4074,8 +4083,10 @@ typedef struct { uint64_t unused; } rt_stats;
 #endif
 #if RTI_STATS
 #define RTI_TALLY(stats, flags, field, n) do { if ((flags) & RTI_WALK_COUNT) (stats)->field += (uint64_t)(n); } while (0)
+#define RTI_COUNTS(job) ((job)->stats != NULL)
 #else
 #define RTI_TALLY(stats, flags, field, n) ((void)0)
+#define RTI_COUNTS(job) false
 #endif
 
 /* What RT_AUTO learns, see rti_batch_auto: ticks of a ray, by RT_BVH_SIMD and by large packets; 0: not tried. */
@@ -4137,7 +4148,32 @@ static void rti_learn(rti_tuner *tuner, bool large, float ticks)
 #endif
 
 /* The i-th primitive of a leaf: i itself, or what slots says; see rti_kdnode. */
-RTI_INLINE uint32_t rti_slot(const uint32_t *slots, uint32_t i) { return slots ? slots[i] & RTI_COUNT_MASK : i; }
+RTI_SHARED(
+RTI_INLINE uint32_t rti_slot(const RTI_GLOBAL uint32_t *slots, uint32_t i) { return slots ? slots[i] & RTI_COUNT_MASK : i; }
+)
+
+/* The vertices of the triangle in a slot, and its primitive; gathered: room for them. */
+RTI_INLINE const float *rti_corners(const rt_accel *accel, uint32_t slot, float gathered[9], uint32_t *prim)
+{
+    if (accel->triangles) {
+        *prim = accel->triangles[slot].prim;
+        return accel->triangles[slot].v;
+    }
+    *prim = accel->triangle_ids[slot];
+    (void)rti_fetch_triangle(&accel->geo, *prim, gathered);
+    return gathered;
+}
+
+#if RTI_SPHERES
+RTI_INLINE rti_ball rti_ball_at(const rt_accel *accel, uint32_t slot)
+{
+    rti_ball ball;
+    if (accel->balls) return accel->balls[slot];
+    ball.prim = accel->ball_ids[slot];
+    rti_fill_ball(&ball, &accel->geo);
+    return ball;
+}
+#endif
 
 RTI_INLINE int rti_bit_count(unsigned bits)
 {
@@ -6874,7 +6910,6 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_dot_exact RTI_NAME_(rti_dot_exact)
 #define rti_shear RTI_NAME_(rti_shear)
 #define rti_make_shear RTI_NAME_(rti_make_shear)
-#define rti_corners RTI_NAME_(rti_corners)
 #define rti_hit_triangle RTI_NAME_(rti_hit_triangle)
 #define rti_hit_triangles RTI_NAME_(rti_hit_triangles)
 #define rti_hit_spheres RTI_NAME_(rti_hit_spheres)
@@ -7262,12 +7297,15 @@ RTI_FN rti_d rti_product(rti_d a, rti_d b)
 
 /* RTI_WIDTH rays side by side, what traversal needs of them, and their hits so far. Large packets hold many: what box tests read comes
    first, what few tests read last. */
+RTI_SHARED(
 typedef struct {
     float rdir[3][RTI_WIDTH];                               /* 1 / dir, bounded */
     float tmin[RTI_WIDTH], t[RTI_WIDTH];                    /* t: of the hit; starts as tmax */
+)
 #if RTI_WIDTH > 1
     float slope[2][RTI_WIDTH];                              /* of large packets: dir along u and v, over dir along k */
 #endif
+RTI_SHARED(
     float shear[2][RTI_WIDTH];                              /* dir[kx] / dir[kz], dir[ky] / dir[kz] */
     double rdepth[RTI_WIDTH];                               /* 1 / dir[kz] */
     float u[RTI_WIDTH], v[RTI_WIDTH];
@@ -7276,20 +7314,25 @@ typedef struct {
     int first_axis, last_axis;                              /* and which axes have any */
     int side[3];                                            /* uniform directions: 1 where upper planes are met first */
     bool uniform;
+)
 #if RTI_WIDTH > 1
     unsigned live, found;                                   /* of large packets: lanes that still need hits, and that have one */
 #endif
+RTI_SHARED(
     float org[3][RTI_WIDTH], dir[3][RTI_WIDTH];
-#if RTI_INSTANCES
     float time[RTI_WIDTH];                                  /* where the accel moves */
-#endif
     float plane[2][3][RTI_WIDTH];                           /* rti_vorigin of org: padded, for lower and upper planes; in
                                                                large packets not padded, and the first alone */
     float pad[RTI_WIDTH];                                   /* how far planes are moved out */
+)
 #if RTI_INSTANCES && RTI_KDTREE
+RTI_SHARED(
     uint32_t seen[RTI_SEEN], seen_by[RTI_SEEN], next_seen;  /* instances of a k-d tree that were traced last, and by which lanes */
+)
 #endif
-} RTI_ALIGNED(RTI_WIDTH == 8 ? 64 : 32) rti_packet;
+RTI_SHARED(
+} RTI_ALIGNED(RTI_WIDTH >= 8 ? 64 : 32) rti_packet;
+)
 
 /* Rays as they stand in memory to lanes: a transpose. */
 RTI_FN void rti_load_rays(const rt_ray *rays, rti_packet *p)
@@ -7340,6 +7383,7 @@ RTI_FN void rti_load_rays(const rt_ray *rays, rti_packet *p)
 #endif
 }
 
+RTI_SHARED(
 RTI_FN void rti_no_hits(rti_packet *p)
 {
     rti_vstore(p->u, rti_vset(0));
@@ -7347,9 +7391,11 @@ RTI_FN void rti_no_hits(rti_packet *p)
     rti_vstore(p->prim.bits, rti_vset(0));
     rti_vstore(p->inst.bits, rti_vset(0));
 }
+)
 
 /* What the primitive tests need to know of directions; answers the lanes of legal whose largest component, which it tells, is large
    enough. */
+RTI_SHARED(
 RTI_FN unsigned rti_orient(rti_packet *p, const rti_v dir[3], unsigned legal, rti_v *largest)
 {
     const unsigned y_over_x = rti_vlt(rti_vabs(dir[0]), rti_vabs(dir[1]));
@@ -7370,14 +7416,18 @@ RTI_FN unsigned rti_orient(rti_packet *p, const rti_v dir[3], unsigned legal, rt
     rti_dstore(p->rdepth, rti_ddiv(rti_dset(1), rti_widen(depth)));
     return legal;
 }
+)
 
 /* The least that a component of dir counts as, see rti_prepare. */
+RTI_SHARED(
 RTI_FN rti_v rti_least(rti_v reach, rti_v far_org, rti_v largest)
 {
     return rti_vmax(rti_vmul(largest, rti_vset(2.98023224e-08f)), rti_vmul(rti_vadd(reach, far_org), rti_vset(1e-37f)));
 }
+)
 
 /* How far planes are moved out, see rti_prepare; clamp: the least over the largest component. */
+RTI_SHARED(
 RTI_FN rti_v rti_pad(const rt_accel *accel, rti_v reach, rti_v far_org, rti_v clamp, rti_v largest)
 {
     rti_v slack, pad;
@@ -7387,8 +7437,10 @@ RTI_FN rti_v rti_pad(const rt_accel *accel, rti_v reach, rti_v far_org, rti_v cl
     pad = rti_vadd(rti_vmul(rti_vadd(reach, slack), pad), slack);
     return rti_vadd(pad, rti_vmul(rti_vadd(largest, rti_vset(1)), rti_vset(1e-37f)));              /* of the smallest floats */
 }
+)
 
 /* Also notes on which side of boxes the legal rays enter. */
+RTI_SHARED(
 RTI_FN rti_v rti_invert_dir(rti_packet *p, int k, rti_v dir, rti_v least, unsigned legal)
 {
     const rti_v rdir = rti_vdiv(rti_vset(1), rti_vsign(rti_vmax(rti_vabs(dir), least), dir));
@@ -7398,6 +7450,7 @@ RTI_FN rti_v rti_invert_dir(rti_packet *p, int k, rti_v dir, rti_v least, unsign
     if (negative && negative != legal) p->uniform = false;
     return rdir;
 }
+)
 
 /* Fills what follows from org, dir, tmin, t; answers the lanes that hold a legal ray.
 
@@ -7415,6 +7468,7 @@ RTI_FN rti_v rti_invert_dir(rti_packet *p, int k, rti_v dir, rti_v least, unsign
    flush-to-zero), t times the direction in space.
 
    large: for a large packet, which has one pad for all and keeps no padded planes. */
+RTI_SHARED(
 RTI_FN unsigned rti_prepare(const rt_accel *accel, rti_packet *p, unsigned lanes, const bool large)
 {
     rti_v org[3], dir[3], reach = rti_vset(0), far_org = rti_vset(0), largest, least, pad;
@@ -7450,12 +7504,17 @@ RTI_FN unsigned rti_prepare(const rt_accel *accel, rti_packet *p, unsigned lanes
     }
     return legal;
 }
+)
 
 /* The packet's constants of the box test, in registers where they fit. With uniform directions near and far planes are known
    beforehand; else both planes of an axis are tested and sorted. */
+RTI_SHARED(
 typedef struct { rti_v rdir, near_org, far_org; int near_plane, far_plane; } rti_slab;
 typedef struct { rti_slab x, y, z; rti_v tmin; bool uniform; } rti_slabs;
+)
+#define RTI_KNOWN_SIDES(p) (RTI_WIDTH == 1 || (p)->uniform)
 
+RTI_SHARED(
 RTI_FN rti_slab rti_make_slab(const rti_packet *p, int axis, bool uniform)
 {
     const int side = uniform ? p->side[axis] : 0;
@@ -7468,16 +7527,18 @@ RTI_FN rti_slab rti_make_slab(const rti_packet *p, int axis, bool uniform)
     return s;
 }
 
-RTI_FN void rti_cross_slab(const rti_slab *s, const float bounds[6], bool uniform, rti_v *enter, rti_v *leave)
+RTI_FN void rti_cross_slab(const rti_slab *s, const RTI_GLOBAL float *bounds, bool uniform, rti_v *enter, rti_v *leave)
 {
     rti_v a = rti_vplane(rti_vset(bounds[s->near_plane]), s->near_org, s->rdir);
     rti_v b = rti_vplane(rti_vset(bounds[s->far_plane]), s->far_org, s->rdir);
     *enter = uniform ? a : rti_vmin(a, b);
     *leave = uniform ? b : rti_vmax(a, b);
 }
+)
 
 /* Lanes whose ray meets the box between tmin and tmax, where they enter it and where they leave it. */
-RTI_FN unsigned rti_hit_box(const rti_slabs *s, const float bounds[6], rti_v tmax, rti_v *enter, rti_v *leave)
+RTI_SHARED(
+RTI_FN unsigned rti_hit_box(const rti_slabs *s, const RTI_GLOBAL float *bounds, rti_v tmax, rti_v *enter, rti_v *leave)
 {
     rti_v x0, x1, y0, y1, z0, z1;
     if (s->uniform) {
@@ -7493,21 +7554,25 @@ RTI_FN unsigned rti_hit_box(const rti_slabs *s, const float bounds[6], rti_v tma
     *leave = rti_vmin(rti_vmin(x1, y1), rti_vmin(z1, tmax));
     return rti_vle(*enter, *leave);
 }
+)
 
+RTI_SHARED(
 RTI_FN rti_slabs rti_make_slabs(const rti_packet *p)
 {
     rti_slabs s;
-    s.uniform = RTI_WIDTH == 1 || p->uniform;
+    s.uniform = RTI_KNOWN_SIDES(p);
     s.tmin = rti_vload(p->tmin);
     s.x = rti_make_slab(p, 0, s.uniform);
     s.y = rti_make_slab(p, 1, s.uniform);
     s.z = rti_make_slab(p, 2, s.uniform);
     return s;
 }
+)
 
 /* ---- >>primitives --------------------------------------------------------------------------------------------------- */
 
 /* Takes those of lanes whose t counts: RT_ANY just answers them; else they become the hit where they are closest. */
+RTI_SHARED(
 RTI_FN unsigned rti_accept(rti_packet *p, unsigned lanes, rti_v t, rti_v u, rti_v v, uint32_t prim, uint32_t inst, int flags)
 {
     rti_v best = rti_vload(p->t);
@@ -7526,20 +7591,26 @@ RTI_FN unsigned rti_accept(rti_packet *p, unsigned lanes, rti_v t, rti_v u, rti_
     rti_vstore(p->inst.bits, rti_vselect(closer, rti_vid(inst), rti_vload(p->inst.bits)));
     return closer;
 }
+)
 
 /* Edge function a x b of two sheared vertices. Rounding is monotonic, so its sign is right or it is 0. */
+RTI_SHARED(
 RTI_FN rti_v rti_edge(rti_v ax, rti_v ay, rti_v bx, rti_v by)
 {
     return rti_vsub(rti_vround(rti_vmul(ax, by)), rti_vround(rti_vmul(ay, bx)));
 }
+)
 
 /* The same in double: the products of floats are exact, the difference is rounded once. */
+RTI_SHARED(
 RTI_FN rti_d rti_edge_exact(rti_v ax, rti_v ay, rti_v bx, rti_v by)
 {
     return rti_dsub(rti_dmul(rti_widen(ax), rti_widen(by)), rti_dmul(rti_widen(ay), rti_widen(bx)));
 }
+)
 
 /* What the triangle test needs of those rays of a packet whose largest component is kz. */
+RTI_SHARED(
 typedef struct { int kx, ky, kz; rti_v ox, oy, oz, sx, sy; } rti_shear;
 
 RTI_FN rti_shear rti_make_shear(const rti_packet *p, int kz)
@@ -7555,13 +7626,15 @@ RTI_FN rti_shear rti_make_shear(const rti_packet *p, int kz)
     s.sy = rti_vload(p->shear[1]);
     return s;
 }
+)
 
 /* [Woop]: axes permuted so that kz is the ray's largest, org moved to the origin, sheared so that the ray is the z axis. A vertex becomes
    a 2D point that depends on ray and vertex alone, so triangles which share it agree about it to the last bit: nothing slips through.
    Float edge functions throw out most triangles; zeros, which may be wrong, count as inside. What is left is decided again, and its t, u,
    v computed, in double: exact signs, and weights that are good even for slivers and triangles seen edge-on. a: the vertices.
    RTI_WALK_LIKELY leaves the floats out, for those who have thrown out most triangles themselves. */
-RTI_FN unsigned rti_hit_triangle(rti_packet *p, const rti_shear *s, unsigned live, const float *a, uint32_t prim, uint32_t inst, int flags)
+RTI_SHARED(
+RTI_FN unsigned rti_hit_triangle(rti_packet *p, const rti_shear *s, unsigned live, const RTI_GLOBAL float *a, uint32_t prim, uint32_t inst, int flags)
 {
     const int kx = s->kx, ky = s->ky, kz = s->kz;
     const rti_v az = rti_vsub(rti_vset(a[kz]), s->oz);
@@ -7593,20 +7666,10 @@ RTI_FN unsigned rti_hit_triangle(rti_packet *p, const rti_shear *s, unsigned liv
     }
     return 0;
 }
+)
 
-/* The vertices of the triangle in a slot, and its primitive; gathered: room for them. */
-RTI_FN const float *rti_corners(const rt_accel *accel, uint32_t slot, float gathered[9], uint32_t *prim)
-{
-    if (accel->triangles) {
-        *prim = accel->triangles[slot].prim;
-        return accel->triangles[slot].v;
-    }
-    *prim = accel->triangle_ids[slot];
-    (void)rti_fetch_triangle(&accel->geo, *prim, gathered);
-    return gathered;
-}
-
-RTI_FN unsigned rti_hit_triangles(const rt_accel *accel, rti_packet *p, unsigned lanes, const uint32_t *slots, uint32_t first,
+RTI_SHARED(
+RTI_FN unsigned rti_hit_triangles(const rt_accel *accel, rti_packet *p, unsigned lanes, const RTI_GLOBAL uint32_t *slots, uint32_t first,
                                   uint32_t count, uint32_t inst, int flags)
 {
     const uint32_t last = first + count;
@@ -7621,19 +7684,22 @@ RTI_FN unsigned rti_hit_triangles(const rt_accel *accel, rti_packet *p, unsigned
         for (i = first; i < last && live; i++) {
             float gathered[9];
             uint32_t prim;
-            const float *corners = rti_corners(accel, rti_slot(slots, i), gathered, &prim);
+            const RTI_GLOBAL float *corners = rti_corners(accel, rti_slot(slots, i), gathered, &prim);
             found |= hit = rti_hit_triangle(p, &shear, live, corners, prim, inst, flags);
             if (flags & RTI_WALK_ANY) live &= ~hit;
         }
     }
     return found;
 }
+)
 
 #if RTI_SPHERES || RTI_PLANES
+RTI_SHARED(
 RTI_FN rti_d rti_dot_exact(const rti_d a[3], const rti_d b[3])
 {
     return rti_dadd(rti_dadd(rti_product(a[0], b[0]), rti_product(a[1], b[1])), rti_product(a[2], b[2]));
 }
+)
 
 #endif
 #if RTI_SPHERES
@@ -7642,35 +7708,31 @@ RTI_FN rti_d rti_dot_exact(const rti_d a[3], const rti_d b[3])
    least 2^-54 r^2: then root is large enough to keep c / q good to 2^-24 r, which the padding of the boxes covers. Where disc is 0 both
    roots are k; c / q would be noise over noise for a tangent that starts on the sphere.
    Not inlined, like instances: the two in every walk were a fifth of the code, and no faster. */
-RTI_NOINLINE RTI_TARGET unsigned rti_hit_spheres(const rt_accel *accel, rti_packet *p, unsigned lanes, const uint32_t *slots,
-                                                 uint32_t first, uint32_t count, uint32_t inst, int flags)
+RTI_SHARED(
+RTI_NOINLINE RTI_TARGET unsigned rti_hit_spheres(const rt_accel *accel, rti_packet *p, unsigned lanes,
+                                                 const RTI_GLOBAL uint32_t *slots, uint32_t first, uint32_t count, uint32_t inst, int flags)
 {
     unsigned found = 0;
     uint32_t i;
     for (i = first; i < first + count; i++) {
-        rti_ball ball, *b = &ball;
+        const rti_ball ball = rti_ball_at(accel, rti_slot(slots, i));
         rti_d to[3], dir[3], off[3], a, half, k, disc, root, c, q, at;
         rti_v tn, tf;
         unsigned hit, ahead, crosses;
         int axis;
-        if (accel->balls) b = &accel->balls[rti_slot(slots, i)];
-        else {
-            ball.prim = accel->ball_ids[rti_slot(slots, i)];
-            rti_fill_ball(&ball, &accel->geo);
-        }
         for (axis = 0; axis < 3; axis++) {
-            to[axis] = rti_dsub(rti_dset((double)b->center[axis]), rti_widen(rti_vload(p->org[axis])));
+            to[axis] = rti_dsub(rti_dset((double)ball.center[axis]), rti_widen(rti_vload(p->org[axis])));
             dir[axis] = rti_widen(rti_vload(p->dir[axis]));
         }
         a = rti_dot_exact(dir, dir);
         half = rti_dot_exact(to, dir);
         k = rti_ddiv(half, a);
         for (axis = 0; axis < 3; axis++) off[axis] = rti_dsub(to[axis], rti_product(k, dir[axis]));
-        disc = rti_dsub(rti_product(rti_dset((double)b->radius), rti_dset((double)b->radius)), rti_dot_exact(off, off));
+        disc = rti_dsub(rti_product(rti_dset((double)ball.radius), rti_dset((double)ball.radius)), rti_dot_exact(off, off));
         hit = lanes & ~rti_dlt(disc, rti_dset(0));
         if (!hit) continue;
         root = rti_dsqrt(rti_dmul(a, disc));
-        c = rti_dsub(rti_dot_exact(to, to), rti_product(rti_dset((double)b->radius), rti_dset((double)b->radius)));
+        c = rti_dsub(rti_dot_exact(to, to), rti_product(rti_dset((double)ball.radius), rti_dset((double)ball.radius)));
         ahead = ~rti_dlt(half, rti_dset(0)) & RTI_ALL_LANES;
         q = rti_dselect(ahead, rti_dadd(half, root), rti_dsub(half, root));
         at = rti_ddiv(q, a);
@@ -7678,27 +7740,27 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_spheres(const rt_accel *accel, rti_pack
         crosses = rti_dlt(rti_dset(0), disc);
         tn = rti_narrow(rti_dselect(crosses, rti_dselect(ahead, c, at), k));
         tf = rti_narrow(rti_dselect(crosses, rti_dselect(ahead, at, c), k));
-        found |= hit = rti_accept(p, hit, rti_vselect(rti_vlt(rti_vload(p->tmin), tn), tn, tf), rti_vset(0), rti_vset(0), b->prim, inst,
+        found |= hit = rti_accept(p, hit, rti_vselect(rti_vlt(rti_vload(p->tmin), tn), tn, tf), rti_vset(0), rti_vset(0), ball.prim, inst,
                                   flags);
         if (flags & RTI_WALK_ANY && !(lanes &= ~hit)) break;
     }
     return found;
 }
+)
 #endif
 
 #if RTI_PLANES
 /* Ground outside of the tree ([Lohr] 4). In double, where no product of floats leaves the range; a ray along a plane gets an infinity or no
    number, which count as no hit. */
+RTI_SHARED(
 RTI_NOINLINE RTI_TARGET unsigned rti_hit_planes(const rt_accel *accel, rti_packet *p, unsigned lanes, uint32_t inst, const rti_job *job)
 {
-    const int flags = job->query == RT_ANY ? RTI_WALK_ANY : 0;
+    const int flags = (job->query == RT_ANY ? RTI_WALK_ANY : 0) | (RTI_COUNTS(job) ? RTI_WALK_COUNT : 0);
     unsigned found = 0;
     size_t i;
-#if RTI_STATS
-    if (job->stats) job->stats->prims += (uint64_t)accel->plane_count * (uint64_t)rti_bit_count(lanes);
-#endif
+    RTI_TALLY(job->stats, flags, prims, (uint64_t)accel->plane_count * (uint64_t)rti_bit_count(lanes));
     for (i = 0; i < accel->plane_count && lanes; i++) {
-        const rti_ground *plane = &accel->planes[i];
+        const RTI_GLOBAL rti_ground *plane = &accel->planes[i];
         rti_d to[3], dir[3], normal[3], t;
         unsigned hit = lanes;
         int k;
@@ -7720,14 +7782,18 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_planes(const rt_accel *accel, rti_packe
     }
     return found;
 }
+)
 #endif
 
 #if RTI_INSTANCES
+#ifndef RTI_TEXT
 RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job);
+#endif
 
 /* The rays as they go on in object space, a packet of their own; t means the same there. Answers the lanes that are legal there. */
-RTI_NOINLINE RTI_TARGET unsigned rti_enter_instance(const rti_instance *in, const rti_packet *p, unsigned lanes, rti_packet *inner,
-                                                    bool large)
+RTI_SHARED(
+RTI_NOINLINE RTI_TARGET unsigned rti_enter_instance(const rti_instance *in, const rt_accel *child, const rti_packet *p,
+                                                    unsigned lanes, rti_packet *inner, bool large)
 {
     int i, k;
     for (i = 0; i < RTI_WIDTH; i++) {
@@ -7737,7 +7803,7 @@ RTI_NOINLINE RTI_TARGET unsigned rti_enter_instance(const rti_instance *in, cons
             dir[k] = p->dir[k][i];
         }
         if (in->moves) rti_move_back(&in->motion, p->time[i], org, dir);
-        if (in->accel->moves) inner->time[i] = p->time[i];
+        if (child->moves) inner->time[i] = p->time[i];
         rti_transform_ray(in->inverse, org, dir, to_org, to_dir);
         for (k = 0; k < 3; k++) {
             inner->org[k][i] = to_org[k];
@@ -7750,10 +7816,12 @@ RTI_NOINLINE RTI_TARGET unsigned rti_enter_instance(const rti_instance *in, cons
     }
     inner->prim = p->prim;
     inner->inst = p->inst;
-    return rti_prepare(in->accel, inner, lanes, large);
+    return rti_prepare(child, inner, lanes, large);
 }
+)
 
 /* Takes over what the lanes of hit have found there. */
+RTI_SHARED(
 RTI_FN void rti_leave_instance(rti_packet *p, const rti_packet *inner, unsigned hit)
 {
     int i;
@@ -7766,24 +7834,30 @@ RTI_FN void rti_leave_instance(rti_packet *p, const rti_packet *inner, unsigned 
             p->inst.id[i] = inner->inst.id[i];
         }
 }
+)
 
-RTI_NOINLINE RTI_TARGET unsigned rti_hit_instances(const rt_accel *accel, rti_packet *p, unsigned lanes, const uint32_t *slots,
-                                                   uint32_t first, uint32_t count, uint32_t inst, const rti_job *job)
+RTI_SHARED(
+RTI_NOINLINE RTI_TARGET unsigned rti_hit_instances(const rt_accel *accel, rti_packet *p, unsigned lanes,
+                                                   const RTI_GLOBAL uint32_t *slots, uint32_t first, uint32_t count, uint32_t inst,
+                                                   const rti_job *job)
 {
     unsigned found = 0;
     uint32_t n;
     for (n = first; n < first + count; n++) {
         const uint32_t slot = rti_slot(slots, n);
-        const rti_instance *in = &accel->instances[slot];
+        const rti_instance in = accel->instances[slot];
         unsigned todo = lanes;
         rti_packet inner;
         unsigned legal, hit;
+        RTI_OPEN(child, accel, in.accel);
+)
 #if RTI_KDTREE
-        if (slots) {                        /* in several leaves: while it is among the last RTI_SEEN, each ray goes through it once */
+RTI_SHARED(
+        if (accel->structure == RT_KDTREE) {    /* in several leaves: while it is among the last RTI_SEEN, each ray goes through it once */
             int at = 0;
             while (at < RTI_SEEN && p->seen[at] != slot) at++;
             if (at == RTI_SEEN) {
-                at = p->next_seen++ % RTI_SEEN;
+                at = (int)(p->next_seen++ % RTI_SEEN);
                 p->seen[at] = slot;
                 p->seen_by[at] = 0;
             }
@@ -7791,10 +7865,12 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_instances(const rt_accel *accel, rti_pa
             p->seen_by[at] |= todo;
             if (!todo) continue;
         }
+)
 #endif
-        legal = rti_enter_instance(in, p, todo, &inner, false);
+RTI_SHARED(
+        legal = rti_enter_instance(&in, child, p, todo, &inner, false);
         if (!legal) continue;
-        hit = rti_walk(in->accel, &inner, legal, inst + 1 + in->base, job);
+        hit = rti_walk(child, &inner, legal, inst + 1 + in.base, job);
         found |= hit;
         if (job->query == RT_ANY) {
             if (!(lanes &= ~hit)) break;
@@ -7802,53 +7878,64 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_instances(const rt_accel *accel, rti_pa
     }
     return found;
 }
+)
 #endif
 
 /* ---- >>traverse ----------------------------------------------------------------------------------------------------- */
 
 /* The primitives of a leaf: slots[first...], or, slots being NULL, slots first...; kind and their number are packed in count. */
-RTI_FN unsigned rti_hit_leaf(const rt_accel *accel, rti_packet *p, unsigned lanes, const uint32_t *slots, uint32_t first, uint32_t count,
-                             uint32_t inst, const int flags, const rti_job *job)
+RTI_SHARED(
+RTI_FN unsigned rti_hit_leaf(const rt_accel *accel, rti_packet *p, unsigned lanes, const RTI_GLOBAL uint32_t *slots, uint32_t first,
+                             uint32_t count, uint32_t inst, const int flags, const rti_job *job)
 {
     const uint32_t kind = count >> RTI_KIND_SHIFT, n = count & RTI_COUNT_MASK;
     (void)job;
     (void)kind;
     RTI_TALLY(job->stats, flags, prims, n * (uint32_t)rti_bit_count(lanes));
     if (!(flags & RTI_WALK_ALL) || kind == RTI_TRIANGLE) return rti_hit_triangles(accel, p, lanes, slots, first, n, inst, flags);
+)
 #if RTI_SPHERES
+RTI_SHARED(
     if (kind == RTI_SPHERE) return rti_hit_spheres(accel, p, lanes, slots, first, n, inst, flags);
+)
 #endif
 #if RTI_INSTANCES
-    return rti_hit_instances(accel, p, lanes, slots, first, n, inst, job);
-#else
-    return 0;
+RTI_SHARED(
+    if (kind == RTI_INSTANCE) return rti_hit_instances(accel, p, lanes, slots, first, n, inst, job);
+)
 #endif
+RTI_SHARED(
+    return 0;
 }
+)
 
 #if RTI_KDTREE || RTI_THREADED
 /* Any primitives of one kind; not inlined, since a copy in every walk would be most of the code. */
-RTI_NOINLINE RTI_TARGET unsigned rti_hit_run(const rt_accel *accel, rti_packet *p, unsigned lanes, const uint32_t *slots, uint32_t first,
-                                             uint32_t count, uint32_t inst, const rti_job *job)
+RTI_SHARED(
+RTI_NOINLINE RTI_TARGET unsigned rti_hit_run(const rt_accel *accel, rti_packet *p, unsigned lanes, const RTI_GLOBAL uint32_t *slots,
+                                             uint32_t first, uint32_t count, uint32_t inst, const rti_job *job)
 {
     if (job->query == RT_ANY) return rti_hit_leaf(accel, p, lanes, slots, first, count, inst, RTI_WALK_ALL | RTI_WALK_ANY, job);
     return rti_hit_leaf(accel, p, lanes, slots, first, count, inst, RTI_WALK_ALL, job);
 }
+)
 #endif
 
 /* Depth first, near child first, the far child on a stack with where each ray enters it. Answers the lanes that hit something.
    A box entered at just the t of the best hit is still visited: what is in it may have a lower id. */
+RTI_SHARED(
 RTI_FN unsigned rti_walk_body(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const int flags, const rti_job *job)
 {
-    struct { const rti_node *node; rti_v enter; } stack[RTI_MAX_DEPTH];
-    unsigned stack_lanes[RTI_MAX_DEPTH];
-    const rti_node *const nodes = accel->nodes, *node = nodes;
+    struct { const RTI_GLOBAL rti_node *node; rti_v enter; } stack[RTI_STACK];
+    unsigned stack_lanes[RTI_STACK];
+    const RTI_GLOBAL rti_node *const nodes = accel->nodes, *node = nodes;
     const rti_slabs s = rti_make_slabs(p);
     unsigned found = 0, lanes = live;
     int top = 0;
     (void)job;
     for (;;) {
         while (!node->count) {
-            const rti_node *child = nodes + node->index;
+            const RTI_GLOBAL rti_node *child = nodes + node->index;
             rti_v best = rti_vload(p->t), enter0, enter1, leave;
             unsigned hit0 = rti_hit_box(&s, child->bounds, best, &enter0, &leave) & live;
             unsigned hit1 = rti_hit_box(&s, child[1].bounds, best, &enter1, &leave) & live;
@@ -7859,7 +7946,7 @@ RTI_FN unsigned rti_walk_body(const rt_accel *accel, rti_packet *p, unsigned liv
             RTI_TALLY(job->stats, flags, active, rti_bit_count(lanes));
             if (hit0) {                     /* branches, not selects: a predicted child is fetched before its box is known to be hit */
                 if (hit1) {                 /* the first ray in both decides which is near */
-                    RT_ASSERT(top < RTI_MAX_DEPTH);
+                    RT_ASSERT(top < RTI_STACK);
                     if (RTI_WIDTH == 1 ? rti_vlt(enter1, enter0) : both & (0u - both) & rti_vlt(enter1, enter0)) {
                         stack[top].enter = enter0;
                         stack[top].node = child;
@@ -7900,6 +7987,7 @@ pop:
         node = stack[top].node;
     }
 }
+)
 
 #define RTI_WALK(name, constants)                                                                                              \
     RTI_NOINLINE RTI_TARGET unsigned name(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job) \
@@ -7936,7 +8024,8 @@ RTI_WALK(rti_walk_any_count, RTI_WALK_COUNT | RTI_WALK_ALL | RTI_WALK_ANY)
    packets   A lane is live where tmin <= tmax: masks follow from the intervals ([Horn] A.5 keeps them apart). Lanes whose ray goes the
              other way than the first one's have near and far swapped; order does not matter to closest hits, only to speed. */
 
-typedef struct { const rti_kdnode *node; rti_v tmin, tmax; } rti_kdstate;
+RTI_SHARED(
+typedef struct { const RTI_GLOBAL rti_kdnode *node; rti_v tmin, tmax; } rti_kdstate;
 
 /* What a ray needs to cross planes, by axis. */
 typedef struct {
@@ -7947,38 +8036,46 @@ typedef struct {
     unsigned sides;                         /* bit a: along axis a the upper child is first */
     bool uniform;                           /* no lane goes backward */
 } rti_kdray;
+)
 
 /* Fills r, and at with the root and where the rays are in its box; answers the lanes that are. Not inlined: once a ray. */
+RTI_SHARED(
 RTI_NOINLINE RTI_TARGET unsigned rti_kd_begin(const rt_accel *accel, rti_packet *p, unsigned live, rti_kdray *r, rti_kdstate *at)
 {
-    const rti_slabs s = rti_make_slabs(p);
-    float bounds[6];
     int k;
     r->uniform = true;
     r->sides = 0;
+    at->node = accel->kdnodes;
+    at->tmin = rti_vload(p->tmin);
+    at->tmax = rti_vload(p->t);
     for (k = 0; k < 3; k++) {
         const rti_v dir = rti_vload(p->dir[k]), lower = rti_vload(p->plane[0][k]), upper = rti_vload(p->plane[1][k]);
+        const rti_v rdir = rti_vload(p->rdir[k]);
+        const rti_v a = rti_vplane(rti_vset(accel->lower[k]), lower, rdir), b = rti_vplane(rti_vset(accel->upper[k]), upper, rdir);
         const unsigned negative = rti_vnegative(dir), first = live & (0u - live);
-        r->axis[k].rdir = rti_vload(p->rdir[k]);
+        r->axis[k].rdir = rdir;
         if (negative & first) r->sides |= 1u << k;
         r->axis[k].near_org = rti_vselect(negative, upper, lower);
         r->axis[k].far_org = rti_vselect(negative, lower, upper);
         r->axis[k].backward = negative & first ? ~negative & RTI_ALL_LANES : negative;
         if (r->axis[k].backward & live) r->uniform = false;
-        bounds[k] = accel->lower[k];
-        bounds[3 + k] = accel->upper[k];
+        at->tmin = rti_vmax(rti_vmin(a, b), at->tmin);
+        at->tmax = rti_vmin(rti_vmax(a, b), at->tmax);
     }
+)
 #if RTI_INSTANCES
-    if (accel->slots[RTI_INSTANCE]) {
-        memset(p->seen, 0xff, sizeof p->seen);
-        p->next_seen = 0;
-    }
+RTI_SHARED(
+    for (k = 0; k < RTI_SEEN && accel->slots[RTI_INSTANCE]; k++) p->seen[k] = RT_NONE;
+    p->next_seen = 0;
+)
 #endif
-    at->node = accel->kdnodes;
-    return live & rti_hit_box(&s, bounds, rti_vload(p->t), &at->tmin, &at->tmax);
+RTI_SHARED(
+    return live & rti_vle(at->tmin, at->tmax);
 }
+)
 
 /* The same, to what the walk keeps in registers: whose address it must not give away. */
+RTI_SHARED(
 RTI_FN unsigned rti_kd_enter(const rt_accel *accel, rti_packet *p, unsigned live, rti_kdray *r, rti_kdstate *at)
 {
     rti_kdray ray;
@@ -7988,15 +8085,18 @@ RTI_FN unsigned rti_kd_enter(const rt_accel *accel, rti_packet *p, unsigned live
     *at = root;
     return live;
 }
+)
 
 /* Splits the interval [tmin, tmax] at a node's plane between its first and its second child. Answers whether any live lane wants the
    first (1) and the second (2); nobody wants an empty one. */
-RTI_FN unsigned rti_kd_cross(const rti_kdray *r, const rti_kdnode *nodes, const rti_kdstate *at, unsigned live, rti_kdstate *first,
+RTI_SHARED(
+RTI_FN unsigned rti_kd_cross(const rti_kdray *r, const RTI_GLOBAL rti_kdnode *nodes, const rti_kdstate *at, unsigned live, rti_kdstate *first,
                         rti_kdstate *second)
 {
     const uint32_t word = at->node->word, axis = word & 3;
     const uint32_t side = r->sides >> axis & 1;           /* from a register: a load would double the time from node to node */
-    const rti_kdnode *pair = (const rti_kdnode *)(const void *)((const char *)nodes + (word & ~15u));       /* 2 nodes are 16 bytes */
+    const RTI_GLOBAL rti_kdnode *pair =             /* 2 nodes are 16 bytes */
+        (const RTI_GLOBAL rti_kdnode *)(const RTI_GLOBAL void *)((const RTI_GLOBAL char *)nodes + (word & ~15u));
     const rti_v lo = rti_vplane(rti_vset(at->node->as.split), r->axis[axis].near_org, r->axis[axis].rdir);
     const rti_v hi = rti_vplane(rti_vset(at->node->as.split), r->axis[axis].far_org, r->axis[axis].rdir);
     const rti_v until = rti_vmin(hi, at->tmax), from = rti_vmax(lo, at->tmin);
@@ -8021,6 +8121,7 @@ RTI_FN unsigned rti_kd_cross(const rti_kdray *r, const rti_kdnode *nodes, const 
     if (!(rti_vle(second->tmin, second->tmax) & live)) return 1;
     return rti_vle(first->tmin, first->tmax) & live ? 3 : 2;
 }
+)
 
 #define RTI_KD_TALLY(at)                                                                                \
     do {                                                                                                \
@@ -8029,15 +8130,16 @@ RTI_FN unsigned rti_kd_cross(const rti_kdray *r, const rti_kdnode *nodes, const 
         RTI_TALLY(job->stats, flags, steps, 1);                                                         \
     } while (0)
 
-RTI_FN unsigned rti_kd_hit_leaf(const rt_accel *accel, rti_packet *p, unsigned lanes, const rti_kdnode *leaf, uint32_t inst,
+RTI_SHARED(
+RTI_FN unsigned rti_kd_hit_leaf(const rt_accel *accel, rti_packet *p, unsigned lanes, const RTI_GLOBAL rti_kdnode *leaf, uint32_t inst,
                                 const int flags, const rti_job *job)
 {
-    const uint32_t first = leaf->word >> 2, count = leaf->as.count, n = count & RTI_COUNT_MASK;
-    const uint32_t *const slots = n == 1 ? &first : accel->kdslots + first;
+    const uint32_t count = leaf->as.count, n = count & RTI_COUNT_MASK, first = n == 1 ? leaf->word >> 2 : 0;
+    const RTI_GLOBAL uint32_t *const slots = n == 1 ? NULL : accel->kdslots + (leaf->word >> 2);
     RTI_TALLY(job->stats, flags, leaves, rti_bit_count(lanes));
-    if (!(flags & RTI_WALK_ALL)) return rti_hit_leaf(accel, p, lanes, slots, 0, count, inst, flags, job);
+    if (!(flags & RTI_WALK_ALL)) return rti_hit_leaf(accel, p, lanes, slots, first, count, inst, flags, job);
     RTI_TALLY(job->stats, flags, prims, n * (uint32_t)rti_bit_count(lanes));
-    if (count >> RTI_KIND_SHIFT != RTI_MIXED) return rti_hit_run(accel, p, lanes, slots, 0, count, inst, job);
+    if (count >> RTI_KIND_SHIFT != RTI_MIXED) return rti_hit_run(accel, p, lanes, slots, first, count, inst, job);
     {
         unsigned found = 0;
         uint32_t from, to;
@@ -8051,11 +8153,13 @@ RTI_FN unsigned rti_kd_hit_leaf(const rt_accel *accel, rti_packet *p, unsigned l
         return found;
     }
 }
+)
 
+RTI_SHARED(
 RTI_FN unsigned rti_kd_stack_body(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const int flags, const rti_job *job)
 {
-    rti_kdstate stack[RTI_MAX_DEPTH], at, first, second;
-    const rti_kdnode *const nodes = accel->kdnodes;
+    rti_kdstate stack[RTI_STACK], at, first, second;
+    const RTI_GLOBAL rti_kdnode *const nodes = accel->kdnodes;
     rti_kdray r;
     unsigned found = 0, lanes;
     int top = 0;
@@ -8069,7 +8173,7 @@ RTI_FN unsigned rti_kd_stack_body(const rt_accel *accel, rti_packet *p, unsigned
             RTI_KD_TALLY(at);
             if (wants & 1) {                /* branches, not selects: the predicted child is fetched early */
                 if (wants & 2) {
-                    RT_ASSERT(top < RTI_MAX_DEPTH);
+                    RT_ASSERT(top < RTI_STACK);
                     stack[top++] = second;
                     RTI_TALLY(job->stats, flags, pushes, 1);
                 }
@@ -8091,10 +8195,12 @@ pop:
         } while (!(rti_vle(at.tmin, at.tmax) & live));
     }
 }
+)
 
 /* The short stack, a ring: a push on a full one drops its oldest entry. lost is where the first of the dropped is entered. */
+RTI_SHARED(
 typedef struct {
-    struct { rti_kdstate state; int level; } entry[RT_MAX_SHORT_STACK];
+    struct { rti_kdstate state; int level; } entry[RTI_SHORT_STACK];
     int entries, held, top;                 /* its size, how many it holds, and where the next one goes */
     rti_v lost;
 } rti_kdring;
@@ -8116,16 +8222,18 @@ RTI_FN void rti_kd_push(rti_kdring *ring, const rti_kdstate *state, int level, c
     ring->entry[ring->top].level = level;
     if (++ring->top == ring->entries) ring->top = 0;
 }
+)
 
 /* RT_KD_RESTART and RT_KD_PUSHDOWN, whose stack has no entries; RT_KD_SHORTSTACK; and, for single rays, RT_KD_BACKTRACK, which climbs to
    where the others restart. base is where restarts begin: the root or, but for RT_KD_RESTART, the lowest node that has nothing waiting
    above it. */
+RTI_SHARED(
 RTI_FN unsigned rti_kd_restart_body(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const int flags,
                                     const rti_job *job)
 {
     rti_kdring ring;
     rti_kdstate at, first, second, base;
-    const rti_kdnode *const nodes = accel->kdnodes;
+    const RTI_GLOBAL rti_kdnode *const nodes = accel->kdnodes;
     rti_kdray r;
     const bool push_down = job->algorithm != RT_KD_RESTART, backtrack = RTI_WIDTH == 1 && job->algorithm == RT_KD_BACKTRACK;
     uint64_t path = 0, open = 0;            /* bit l: at level l */
@@ -8222,6 +8330,7 @@ next:
         } while (!(rti_vle(at.tmin, at.tmax) & live));
     }
 }
+)
 
 #define RTI_KD_WALK(name, body, constants)                                                                                       \
     RTI_NOINLINE RTI_TARGET unsigned name(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job) \
@@ -8364,7 +8473,7 @@ RTI_NOINLINE RTI_TARGET void rti_thread_enter(rti_thread_state *s, uint32_t slot
     const rti_instance *in = &s->accel->instances[slot];
     unsigned all = 0;
     int g;
-    for (g = 0; g < groups; g++) all |= s->live[g] = rti_enter_instance(in, &s->p[g], hit[g], &inner[g], false);
+    for (g = 0; g < groups; g++) all |= s->live[g] = rti_enter_instance(in, in->accel, &s->p[g], hit[g], &inner[g], false);
     rti_thread_start(s, in->accel, s->inst + 1 + in->base, inner);
     if (!all) s->at = RTI_END;
 }
@@ -8388,7 +8497,7 @@ RTI_NOINLINE RTI_TARGET uint32_t rti_thread_leave(rti_thread_state *s, const rt_
         path = path - in->base - 1;
         if (path == RT_NONE) break;
         for (g = 0; g < groups; g++)
-            s->live[g] = rti_enter_instance(in, accel == root ? &outer[g] : &inner[g], s->live[g], &inner[g], false);
+            s->live[g] = rti_enter_instance(in, in->accel, accel == root ? &outer[g] : &inner[g], s->live[g], &inner[g], false);
         accel = in->accel;
     }
     rti_thread_start(s, accel, s->inst - accel->instances[slot].base - 1, accel == root ? outer : inner);
@@ -8446,7 +8555,7 @@ RTI_FN void rti_thread_body(const rt_accel *root, rti_packet *p, const unsigned 
                 const rti_link link = s.links[s.at];
                 node = s.nodes + s.at;
                 all = 0;
-                            for (g = 0; g < groups; g++) {
+                for (g = 0; g < groups; g++) {
                     const rti_v t = rti_vload(s.p[g].t);
                     if (round) hit[g] = rti_meet_sphere(&sweeps[g], node->bounds, t) & s.live[g];
                     else hit[g] = rti_hit_box(&slabs[g], node->bounds, t, &enter, &leave) & s.live[g];
@@ -8487,7 +8596,7 @@ RTI_FN void rti_thread_body(const rt_accel *root, rti_packet *p, const unsigned 
         } else
 #endif
         {
-                    for (g = 0; g < groups; g++) {
+            for (g = 0; g < groups; g++) {
                 unsigned new_hits = 0;
                 if (groups > 1 && !hit[g]) continue;
                 if (flags & RTI_WALK_ALL) new_hits = rti_hit_run(s.accel, &s.p[g], hit[g], NULL, node->index, node->count, s.inst, job);
@@ -9175,7 +9284,7 @@ RTI_NOINLINE RTI_TARGET void rti_large_instances(const rt_accel *accel, rti_larg
             for (inner.count = 0; i < length && inner.count < RTI_NESTED; i++) {
                 rti_packet *p = &g->rays[list[i]], *q = &packets[inner.count];
                 const unsigned lanes = rti_pass(g, door, p) & p->live;
-                q->live = lanes ? rti_enter_instance(in, p, lanes, q, in->accel->structure == RT_BVH) : 0;
+                q->live = lanes ? rti_enter_instance(in, in->accel, p, lanes, q, in->accel->structure == RT_BVH) : 0;
                 q->found = 0;
                 if (q->live) from[inner.count++] = list[i];
             }
@@ -10246,7 +10355,6 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec
 #undef rti_dot_exact
 #undef rti_shear
 #undef rti_make_shear
-#undef rti_corners
 #undef rti_hit_triangle
 #undef rti_hit_triangles
 #undef rti_hit_spheres
