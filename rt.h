@@ -646,7 +646,16 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 
 /* ==== implementation ================================================================================================ */
 
-#if defined(RT_IMPLEMENTATION) && !defined(RTI_IMPLEMENTED)
+/* What the device of rt_gpu.h does alike is compiled twice from one text: as C here, and as OpenCL C, for which rt_gpu.h includes this file
+   again with RTI_TEXT, the name of a part. Then RTI_SHARED makes strings of what stands in it, and RTI_IN leaves out all but that part.
+   So shared text keeps to what both languages have, and has no # in it. Memory of an accel is RTI_GLOBAL. */
+#ifndef RTI_TEXT
+#define RTI_SHARED(...) __VA_ARGS__
+#define RTI_IN(part) 1
+#endif
+
+#if (defined(RT_IMPLEMENTATION) && !defined(RTI_IMPLEMENTED)) || defined(RTI_TEXT)
+#if RTI_IN(HOST)
 #define RTI_IMPLEMENTED
 
 #include <float.h>
@@ -779,12 +788,10 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #else
 #define RTI_ROUND(x) ((void)0)              /* fp_contract(off) above */
 #endif
-/* What the device of rt_gpu.h must do alike is compiled twice from one text: as C here, and as OpenCL C, for which rt_gpu.h includes this file
-   again with RTI_TEXT, when RTI_SHARED makes strings of it. So it keeps to what both languages have, and to constants rather than #if. Memory
-   of an accel is RTI_GLOBAL. */
-#define RTI_SHARED(...) __VA_ARGS__
+/* Shared text, see RTI_SHARED, as C has it. */
 #define RTI_GLOBAL
 #define RTI_OPEN(name, parent, accel) const rt_accel *const name = (accel)     /* an instance's accel, by what the instance keeps of it */
+#define RTI_KNOWN_SIDES(p) (RTI_WIDTH == 1 || (p)->uniform)
 #define RTI_STACK RTI_MAX_DEPTH             /* entries */
 #define RTI_SHORT_STACK RT_MAX_SHORT_STACK
 
@@ -923,7 +930,11 @@ enum { RTI_TRIANGLE, RTI_SPHERE, RTI_INSTANCE, RTI_KINDS, RTI_PLANE = RTI_KINDS 
 #define RTI_MAX_DEPTH (RT_DEPTHS - 1)       /* edges; a traversal stack holds at most one entry a level */
 #define RTI_MAX_LEAF 8                      /* primitives: what is more is split, by halving where SAH finds no plane */
 
+#endif
+#if RTI_IN(BASE)
+RTI_SHARED(
 typedef struct { float bounds[6]; uint32_t index, count; } rti_node;
+)
 /* k-d tree node, 8 bytes
      split  inner: where the plane stands                    count  leaf: kind << 28 | number of primitives
      word   bits 0-1: the plane's axis, or 3 for a leaf
@@ -932,8 +943,30 @@ typedef struct { float bounds[6]; uint32_t index, count; } rti_node;
    The root is node 0 and node 1 is left free: so children are 2 j and 2 j + 1, never in two cache lines, and what belongs to their
    parent, links[j], is found from either. A leaf of kind RTI_MIXED holds several kinds, one after the other. Entries of kdslots tell the
    kind in their upper bits, as count does: a primitive in several leaves is stored once. */
+RTI_SHARED(
 typedef struct { union { float split; uint32_t count; } as; uint32_t word; } rti_kdnode;
 typedef struct { float bounds[6]; uint32_t parent; } rti_kdlink;
+)
+/* node of RT_THREADED: the same, but that index of an inner node is not used and that bounds may be a sphere: x y z of its centre, its
+   radius. Nodes stand in depth-first order. Where to go on is told by the node's link in one of the lists of links, by the ray's
+   direction. */
+RTI_SHARED(
+typedef struct { uint32_t hit, miss; } rti_link;            /* of a leaf both are where to go on behind it */
+
+typedef struct { float v[9]; uint32_t prim; } rti_triangle;
+typedef struct { float center[3], radius; uint32_t prim; } rti_ball;
+typedef struct { float point[3], normal[3], radius; uint32_t prim; } rti_ground;
+
+typedef char rti_check_ray[sizeof(rt_ray) == 32 ? 1 : -1];
+typedef char rti_check_hit[sizeof(rt_hit) == 20 ? 1 : -1];
+typedef char rti_check_node[sizeof(rti_node) == 32 ? 1 : -1];
+typedef char rti_check_kdnode[sizeof(rti_kdnode) == 8 ? 1 : -1];
+typedef char rti_check_triangle[sizeof(rti_triangle) == 40 ? 1 : -1];
+)
+#endif
+#if RTI_IN(HOST)
+typedef char rti_check_count[RT_MAX_PRIMITIVES <= RTI_COUNT_MASK ? 1 : -1];       /* a leaf of a k-d tree may hold all of them */
+#define RTI_END 0xffffffffu                  /* nowhere, of links */
 #define RTI_MIXED RTI_KINDS
 #define RTI_LEAF 3u                          /* the axis of leaves */
 #define RTI_KD_LOWER_EMPTY 4u
@@ -947,14 +980,6 @@ typedef struct { float bounds[6]; uint32_t parent; } rti_kdlink;
 RTI_INLINE bool rti_kd_empty(const rti_kdnode *node) { return (node->word & 3) == RTI_LEAF && !node->as.count; }
 RTI_INLINE uint32_t rti_kd_children(const rti_kdnode *node) { return (node->word & ~15u) / 8; }
 
-/* node of RT_THREADED: the same, but that index of an inner node is not used and that bounds may be a sphere: x y z of its centre, its
-   radius. Nodes stand in depth-first order. Where to go on is told by the node's link in one of the lists of links, by the ray's
-   direction. */
-typedef struct { uint32_t hit, miss; } rti_link;            /* of a leaf both are where to go on behind it */
-#define RTI_END 0xffffffffu                  /* nowhere */
-
-typedef struct { float v[9]; uint32_t prim; } rti_triangle;
-typedef struct { float center[3], radius; uint32_t prim; } rti_ball;
 #if RTI_INSTANCES
 typedef struct {
     const rt_accel *accel;
@@ -964,14 +989,6 @@ typedef struct {
     rt_motion motion;
 } rti_instance;
 #endif
-typedef struct { float point[3], normal[3], radius; uint32_t prim; } rti_ground;
-
-typedef char rti_check_ray[sizeof(rt_ray) == 32 ? 1 : -1];
-typedef char rti_check_hit[sizeof(rt_hit) == 20 ? 1 : -1];
-typedef char rti_check_node[sizeof(rti_node) == 32 ? 1 : -1];
-typedef char rti_check_count[RT_MAX_PRIMITIVES <= RTI_COUNT_MASK ? 1 : -1];       /* a leaf of a k-d tree may hold all of them */
-typedef char rti_check_kdnode[sizeof(rti_kdnode) == 8 ? 1 : -1];
-typedef char rti_check_triangle[sizeof(rti_triangle) == 40 ? 1 : -1];
 
 struct rt_accel {
     rt_structure structure;
@@ -1092,7 +1109,8 @@ RTI_INLINE bool rti_fetch_triangle(const rt_geometry *geo, size_t prim, float v[
    instance j is called base_j = sum over i < j (1 + paths(child_i)), and what lies inside it follows: base_j + 1 + number in the child.
    Where nothing nests, base_j = j. Unsigned wrap-around makes RT_NONE the base of the outermost accel: RT_NONE + 1 + n = n. */
 
-#if RTI_INSTANCES
+#endif
+#if RTI_IN(HOST) && RTI_INSTANCES
 
 /* 3x4 inverse in double, rounded once. Products of two floats are exact in double, so only the others need RTI_ROUND. */
 static bool rti_invert(const float m[12], float inverse[12])
@@ -1130,9 +1148,12 @@ static double rti_stretch(const float m[12])
     return most;
 }
 
+#endif
+#if RTI_IN(BASE) && RTI_INSTANCES
 /* Sine and cosine of at most RT_MAX_ANGLE radians, within 1e-15: of our own, since those of C libraries differ in their last bits. The angle
    is brought to [-pi/4, pi/4] by quarters, pi/2 being taken off in two parts of which the first has few enough bits to be exact. */
-static void rti_sine_cosine(double angle, double *sine, double *cosine)
+RTI_SHARED(
+RTI_NOINLINE void rti_sine_cosine(double angle, double *sine, double *cosine)
 {
     const double quarters = floor(rti_round(angle * 0.63661977236758134) + 0.5);
     const double x = angle - rti_round(quarters * 1.5707963267341256) - rti_round(quarters * 6.0771005065061922e-11), y = rti_round(x * x);
@@ -1155,9 +1176,11 @@ static void rti_sine_cosine(double angle, double *sine, double *cosine)
     *sine = quarter == 0 ? s : quarter == 1 ? c : quarter == 2 ? -s : -c;
     *cosine = quarter == 0 ? c : quarter == 1 ? -s : quarter == 2 ? -c : s;
 }
+)
 
 /* The rotation of a motion at a time, row by row (Rodrigues). Every product is rounded by itself: the same bits from every compiler. */
-static void rti_turn(const rt_motion *motion, double time, double r[9])
+RTI_SHARED(
+RTI_NOINLINE void rti_turn(const rt_motion *motion, double time, double r[9])
 {
     const double axis[3] = { (double)motion->axis.x, (double)motion->axis.y, (double)motion->axis.z };
     double k[3], length, s, c, most = 0;
@@ -1179,11 +1202,15 @@ static void rti_turn(const rt_motion *motion, double time, double r[9])
             else r[3 * i + j] = both + rti_round(k[other] * s);
         }
 }
+)
 
 /* The time that counts: of [0,1]; of NaN 0. */
+RTI_SHARED(
 RTI_INLINE float rti_clamp_time(float time) { return time > 0 ? time < 1 ? time : 1 : 0; }
+)
 
 /* A ray as it is seen by what has not moved: turned and moved back, and rounded to floats once. */
+RTI_SHARED(
 RTI_NOINLINE void rti_move_back(const rt_motion *motion, float time, float org[3], float dir[3])
 {
     const double move[3] = { (double)motion->move.x, (double)motion->move.y, (double)motion->move.z };
@@ -1201,6 +1228,22 @@ RTI_NOINLINE void rti_move_back(const rt_motion *motion, float time, float org[3
         dir[i] = (float)(y + rti_round(r[6 + i] * d[2]));
     }
 }
+)
+
+/* The ray in object space; t keeps its meaning since dir is not normalised. */
+RTI_SHARED(
+RTI_INLINE void rti_transform_ray(const float inverse[12], const float org[3], const float dir[3], float to_org[3], float to_dir[3])
+{
+    int i;
+    for (i = 0; i < 3; i++) {               /* float products are exact in double: contraction cannot change a bit */
+        const float *m = inverse + 4 * i;
+        to_org[i] = (float)((double)m[0] * (double)org[0] + (double)m[1] * (double)org[1] + (double)m[2] * (double)org[2] + (double)m[3]);
+        to_dir[i] = (float)((double)m[0] * (double)dir[0] + (double)m[1] * (double)dir[1] + (double)m[2] * (double)dir[2]);
+    }
+}
+)
+#endif
+#if RTI_IN(HOST) && RTI_INSTANCES
 
 /* Where a motion carries the points p within part i of n of the time: adds that to lo and hi. Between its ends a point on a circle of
    radius r that turns by a strays from the straight line by at most r a^2 / 8. */
@@ -1270,18 +1313,8 @@ static rti_box rti_instance_box(const rt_instance *instance)
     return box;
 }
 
-/* The ray in object space; t keeps its meaning since dir is not normalised. */
-RTI_INLINE void rti_transform_ray(const float inverse[12], const float org[3], const float dir[3], float to_org[3], float to_dir[3])
-{
-    int i;
-    for (i = 0; i < 3; i++) {               /* float products are exact in double: contraction cannot change a bit */
-        const float *m = inverse + 4 * i;
-        to_org[i] = (float)((double)m[0] * (double)org[0] + (double)m[1] * (double)org[1] + (double)m[2] * (double)org[2] + (double)m[3]);
-        to_dir[i] = (float)((double)m[0] * (double)dir[0] + (double)m[1] * (double)dir[1] + (double)m[2] * (double)dir[2]);
-    }
-}
-
 #endif
+#if RTI_IN(HOST)
 
 #define RTI_NAME(name, text) text,
 static const char *const rti_structure_names[] = { RT_STRUCTURE_LIST(RTI_NAME) "any" };     /* "any": RT_STRUCTURE_COUNT */
@@ -4148,9 +4181,13 @@ static void rti_learn(rti_tuner *tuner, bool large, float ticks)
 #endif
 
 /* The i-th primitive of a leaf: i itself, or what slots says; see rti_kdnode. */
+#endif
+#if RTI_IN(BASE)
 RTI_SHARED(
 RTI_INLINE uint32_t rti_slot(const RTI_GLOBAL uint32_t *slots, uint32_t i) { return slots ? slots[i] & RTI_COUNT_MASK : i; }
 )
+#endif
+#if RTI_IN(HOST)
 
 /* The vertices of the triangle in a slot, and its primitive; gathered: room for them. */
 RTI_INLINE const float *rti_corners(const rt_accel *accel, uint32_t slot, float gathered[9], uint32_t *prim)
@@ -6842,6 +6879,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 }
 
 #endif /* RT_NO_SHADING */
+#endif
 #endif /* RT_IMPLEMENTATION */
 
 #else /* RTI_PASS */
@@ -7037,6 +7075,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_note_hits RTI_NAME_(rti_note_hits)
 #define rti_cover_queue RTI_NAME_(rti_cover_queue)
 #define rti_cover RTI_NAME_(rti_cover)
+#if RTI_IN(HOST)
 #define RTI_FN RTI_INLINE RTI_TARGET
 #define RTI_ALL_LANES ((1u << RTI_WIDTH) - 1)
 
@@ -7295,6 +7334,9 @@ RTI_FN rti_d rti_product(rti_d a, rti_d b)
 
 /* ---- >>boxes -------------------------------------------------------------------------------------------------------- */
 
+#endif
+#if RTI_IN(PASS)
+
 /* RTI_WIDTH rays side by side, what traversal needs of them, and their hits so far. Large packets hold many: what box tests read comes
    first, what few tests read last. */
 RTI_SHARED(
@@ -7333,55 +7375,6 @@ RTI_SHARED(
 RTI_SHARED(
 } RTI_ALIGNED(RTI_WIDTH >= 8 ? 64 : 32) rti_packet;
 )
-
-/* Rays as they stand in memory to lanes: a transpose. */
-RTI_FN void rti_load_rays(const rt_ray *rays, rti_packet *p)
-{
-#if RTI_LANES == RTI_LANES_SSE2
-    int half;
-    RTI_UNROLL
-    for (half = 0; half < 2; half++) {      /* org and tmin, then dir and tmax */
-        const float *at = (const float *)(const void *)rays + 4 * half;
-        __m128 x = _mm_loadu_ps(at), y = _mm_loadu_ps(at + 8), z = _mm_loadu_ps(at + 16), w = _mm_loadu_ps(at + 24);
-        _MM_TRANSPOSE4_PS(x, y, z, w);
-        rti_vstore(half ? p->dir[0] : p->org[0], x);
-        rti_vstore(half ? p->dir[1] : p->org[1], y);
-        rti_vstore(half ? p->dir[2] : p->org[2], z);
-        rti_vstore(half ? p->t : p->tmin, w);
-    }
-#elif RTI_LANES == RTI_LANES_AVX2
-    const float *at = (const float *)(const void *)rays;     /* 8 floats a ray */
-    __m256 row[4], x, y, z, w;
-    int half, i;
-    RTI_UNROLL
-    for (half = 0; half < 2; half++) {
-        RTI_UNROLL
-        for (i = 0; i < 4; i++)             /* rays i and i + 4 side by side: two 4 x 4 transposes in one */
-            row[i] = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(at + 8 * i + 4 * half)),
-                                          _mm_loadu_ps(at + 8 * i + 32 + 4 * half), 1);
-        x = _mm256_unpacklo_ps(row[0], row[2]);
-        y = _mm256_unpackhi_ps(row[0], row[2]);
-        z = _mm256_unpacklo_ps(row[1], row[3]);
-        w = _mm256_unpackhi_ps(row[1], row[3]);
-        rti_vstore(half ? p->dir[0] : p->org[0], _mm256_unpacklo_ps(x, z));
-        rti_vstore(half ? p->dir[1] : p->org[1], _mm256_unpackhi_ps(x, z));
-        rti_vstore(half ? p->dir[2] : p->org[2], _mm256_unpacklo_ps(y, w));
-        rti_vstore(half ? p->t : p->tmin, _mm256_unpackhi_ps(y, w));
-    }
-#else
-    int i;
-    for (i = 0; i < RTI_WIDTH; i++) {
-        p->org[0][i] = rays[i].org.x;
-        p->org[1][i] = rays[i].org.y;
-        p->org[2][i] = rays[i].org.z;
-        p->tmin[i] = rays[i].tmin;
-        p->dir[0][i] = rays[i].dir.x;
-        p->dir[1][i] = rays[i].dir.y;
-        p->dir[2][i] = rays[i].dir.z;
-        p->t[i] = rays[i].tmax;
-    }
-#endif
-}
 
 RTI_SHARED(
 RTI_FN void rti_no_hits(rti_packet *p)
@@ -7512,7 +7505,6 @@ RTI_SHARED(
 typedef struct { rti_v rdir, near_org, far_org; int near_plane, far_plane; } rti_slab;
 typedef struct { rti_slab x, y, z; rti_v tmin; bool uniform; } rti_slabs;
 )
-#define RTI_KNOWN_SIDES(p) (RTI_WIDTH == 1 || (p)->uniform)
 
 RTI_SHARED(
 RTI_FN rti_slab rti_make_slab(const rti_packet *p, int axis, bool uniform)
@@ -7716,7 +7708,7 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_spheres(const rt_accel *accel, rti_pack
     uint32_t i;
     for (i = first; i < first + count; i++) {
         const rti_ball ball = rti_ball_at(accel, rti_slot(slots, i));
-        rti_d to[3], dir[3], off[3], a, half, k, disc, root, c, q, at;
+        rti_d to[3], dir[3], off[3], a, along, k, disc, root, c, q, at;
         rti_v tn, tf;
         unsigned hit, ahead, crosses;
         int axis;
@@ -7725,16 +7717,16 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_spheres(const rt_accel *accel, rti_pack
             dir[axis] = rti_widen(rti_vload(p->dir[axis]));
         }
         a = rti_dot_exact(dir, dir);
-        half = rti_dot_exact(to, dir);
-        k = rti_ddiv(half, a);
+        along = rti_dot_exact(to, dir);
+        k = rti_ddiv(along, a);
         for (axis = 0; axis < 3; axis++) off[axis] = rti_dsub(to[axis], rti_product(k, dir[axis]));
         disc = rti_dsub(rti_product(rti_dset((double)ball.radius), rti_dset((double)ball.radius)), rti_dot_exact(off, off));
         hit = lanes & ~rti_dlt(disc, rti_dset(0));
         if (!hit) continue;
         root = rti_dsqrt(rti_dmul(a, disc));
         c = rti_dsub(rti_dot_exact(to, to), rti_product(rti_dset((double)ball.radius), rti_dset((double)ball.radius)));
-        ahead = ~rti_dlt(half, rti_dset(0)) & RTI_ALL_LANES;
-        q = rti_dselect(ahead, rti_dadd(half, root), rti_dsub(half, root));
+        ahead = ~rti_dlt(along, rti_dset(0)) & RTI_ALL_LANES;
+        q = rti_dselect(ahead, rti_dadd(along, root), rti_dsub(along, root));
         at = rti_ddiv(q, a);
         c = rti_ddiv(c, q);
         crosses = rti_dlt(rti_dset(0), disc);
@@ -7786,10 +7778,6 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_planes(const rt_accel *accel, rti_packe
 #endif
 
 #if RTI_INSTANCES
-#ifndef RTI_TEXT
-RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job);
-#endif
-
 /* The rays as they go on in object space, a packet of their own; t means the same there. Answers the lanes that are legal there. */
 RTI_SHARED(
 RTI_NOINLINE RTI_TARGET unsigned rti_enter_instance(const rti_instance *in, const rt_accel *child, const rti_packet *p,
@@ -7836,6 +7824,13 @@ RTI_FN void rti_leave_instance(rti_packet *p, const rti_packet *inner, unsigned 
 }
 )
 
+#endif
+#endif
+#if RTI_IN(HOST)
+#define rti_walk_child rti_walk
+RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job);
+#endif
+#if RTI_IN(INSTANCES) && RTI_INSTANCES
 RTI_SHARED(
 RTI_NOINLINE RTI_TARGET unsigned rti_hit_instances(const rt_accel *accel, rti_packet *p, unsigned lanes,
                                                    const RTI_GLOBAL uint32_t *slots, uint32_t first, uint32_t count, uint32_t inst,
@@ -7870,7 +7865,7 @@ RTI_SHARED(
 RTI_SHARED(
         legal = rti_enter_instance(&in, child, p, todo, &inner, false);
         if (!legal) continue;
-        hit = rti_walk(child, &inner, legal, inst + 1 + in.base, job);
+        hit = rti_walk_child(child, &inner, legal, inst + 1 + in.base, job);
         found |= hit;
         if (job->query == RT_ANY) {
             if (!(lanes &= ~hit)) break;
@@ -7883,6 +7878,7 @@ RTI_SHARED(
 
 /* ---- >>traverse ----------------------------------------------------------------------------------------------------- */
 
+#if RTI_IN(LEAF)
 /* The primitives of a leaf: slots[first...], or, slots being NULL, slots first...; kind and their number are packed in count. */
 RTI_SHARED(
 RTI_FN unsigned rti_hit_leaf(const rt_accel *accel, rti_packet *p, unsigned lanes, const RTI_GLOBAL uint32_t *slots, uint32_t first,
@@ -7921,6 +7917,8 @@ RTI_NOINLINE RTI_TARGET unsigned rti_hit_run(const rt_accel *accel, rti_packet *
 )
 #endif
 
+#endif
+#if RTI_IN(BVH)
 /* Depth first, near child first, the far child on a stack with where each ray enters it. Answers the lanes that hit something.
    A box entered at just the t of the best hit is still visited: what is in it may have a lower id. */
 RTI_SHARED(
@@ -7989,6 +7987,8 @@ pop:
 }
 )
 
+#endif
+#if RTI_IN(HOST)
 #define RTI_WALK(name, constants)                                                                                              \
     RTI_NOINLINE RTI_TARGET unsigned name(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job) \
     {                                                                                                                          \
@@ -8005,6 +8005,7 @@ RTI_WALK(rti_walk_closest_count, RTI_WALK_COUNT | RTI_WALK_ALL)
 RTI_WALK(rti_walk_any_count, RTI_WALK_COUNT | RTI_WALK_ALL | RTI_WALK_ANY)
 #endif
 #undef RTI_WALK
+#endif
 
 #if RTI_KDTREE
 
@@ -8024,6 +8025,7 @@ RTI_WALK(rti_walk_any_count, RTI_WALK_COUNT | RTI_WALK_ALL | RTI_WALK_ANY)
    packets   A lane is live where tmin <= tmax: masks follow from the intervals ([Horn] A.5 keeps them apart). Lanes whose ray goes the
              other way than the first one's have near and far swapped; order does not matter to closest hits, only to speed. */
 
+#if RTI_IN(KD)
 RTI_SHARED(
 typedef struct { const RTI_GLOBAL rti_kdnode *node; rti_v tmin, tmax; } rti_kdstate;
 
@@ -8123,13 +8125,43 @@ RTI_FN unsigned rti_kd_cross(const rti_kdray *r, const RTI_GLOBAL rti_kdnode *no
 }
 )
 
+/* The short stack, a ring: a push on a full one drops its oldest entry. lost is where the first of the dropped is entered. */
+RTI_SHARED(
+typedef struct {
+    struct { rti_kdstate state; int level; } entry[RTI_SHORT_STACK];
+    int entries, held, top;                 /* its size, how many it holds, and where the next one goes */
+    rti_v lost;
+} rti_kdring;
+
+RTI_FN void rti_kd_push(rti_kdring *ring, const rti_kdstate *state, int level, const int flags, const rti_job *job)
+{
+    (void)flags, (void)job;
+    if (!ring->entries) {                   /* no stack at all: nothing is pushed */
+        ring->lost = rti_vmin(ring->lost, state->tmin);
+        return;
+    }
+    RTI_TALLY(job->stats, flags, pushes, 1);
+    if (ring->held < ring->entries) ring->held++;
+    else {
+        ring->lost = rti_vmin(ring->lost, ring->entry[ring->top].state.tmin);
+        RTI_TALLY(job->stats, flags, drops, 1);
+    }
+    ring->entry[ring->top].state = *state;
+    ring->entry[ring->top].level = level;
+    if (++ring->top == ring->entries) ring->top = 0;
+}
+)
+#endif
+#if RTI_IN(HOST)
 #define RTI_KD_TALLY(at)                                                                                \
     do {                                                                                                \
         RTI_TALLY(job->stats, flags, nodes, rti_bit_count(rti_vle((at).tmin, (at).tmax) & live));       \
         RTI_TALLY(job->stats, flags, active, rti_bit_count(rti_vle((at).tmin, (at).tmax) & live));      \
         RTI_TALLY(job->stats, flags, steps, 1);                                                         \
     } while (0)
+#endif
 
+#if RTI_IN(KD_LEAF)
 RTI_SHARED(
 RTI_FN unsigned rti_kd_hit_leaf(const rt_accel *accel, rti_packet *p, unsigned lanes, const RTI_GLOBAL rti_kdnode *leaf, uint32_t inst,
                                 const int flags, const rti_job *job)
@@ -8154,7 +8186,9 @@ RTI_FN unsigned rti_kd_hit_leaf(const rt_accel *accel, rti_packet *p, unsigned l
     }
 }
 )
+#endif
 
+#if RTI_IN(KD_STACK)
 RTI_SHARED(
 RTI_FN unsigned rti_kd_stack_body(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const int flags, const rti_job *job)
 {
@@ -8196,34 +8230,9 @@ pop:
     }
 }
 )
+#endif
 
-/* The short stack, a ring: a push on a full one drops its oldest entry. lost is where the first of the dropped is entered. */
-RTI_SHARED(
-typedef struct {
-    struct { rti_kdstate state; int level; } entry[RTI_SHORT_STACK];
-    int entries, held, top;                 /* its size, how many it holds, and where the next one goes */
-    rti_v lost;
-} rti_kdring;
-
-RTI_FN void rti_kd_push(rti_kdring *ring, const rti_kdstate *state, int level, const int flags, const rti_job *job)
-{
-    (void)flags, (void)job;
-    if (!ring->entries) {                   /* no stack at all: nothing is pushed */
-        ring->lost = rti_vmin(ring->lost, state->tmin);
-        return;
-    }
-    RTI_TALLY(job->stats, flags, pushes, 1);
-    if (ring->held < ring->entries) ring->held++;
-    else {
-        ring->lost = rti_vmin(ring->lost, ring->entry[ring->top].state.tmin);
-        RTI_TALLY(job->stats, flags, drops, 1);
-    }
-    ring->entry[ring->top].state = *state;
-    ring->entry[ring->top].level = level;
-    if (++ring->top == ring->entries) ring->top = 0;
-}
-)
-
+#if RTI_IN(KD_RESTART)
 /* RT_KD_RESTART and RT_KD_PUSHDOWN, whose stack has no entries; RT_KD_SHORTSTACK; and, for single rays, RT_KD_BACKTRACK, which climbs to
    where the others restart. base is where restarts begin: the root or, but for RT_KD_RESTART, the lowest node that has nothing waiting
    above it. */
@@ -8331,7 +8340,9 @@ next:
     }
 }
 )
+#endif
 
+#if RTI_IN(HOST)
 #define RTI_KD_WALK(name, body, constants)                                                                                       \
     RTI_NOINLINE RTI_TARGET unsigned name(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job) \
     {                                                                                                                            \
@@ -8371,6 +8382,7 @@ RTI_FN unsigned rti_kd_walk(const rt_accel *accel, rti_packet *p, unsigned live,
     return any ? rti_kd_stack_any(accel, p, live, inst, job) : rti_kd_stack_closest(accel, p, live, inst, job);
 }
 
+#endif
 #endif /* RTI_KDTREE */
 
 #if RTI_THREADED
@@ -8383,9 +8395,9 @@ RTI_FN unsigned rti_kd_walk(const rt_accel *accel, rti_packet *p, unsigned live,
    instance of which accel was entered, that accel's leaf where to go on, and the rays there are those of the outermost accel, transformed
    again down the path, with the hits found meanwhile. */
 
-#define RTI_GROUPS (RTI_WIDTH == 1 ? 1 : 16 / RTI_WIDTH)   /* packets that go together at most: 16 rays */
-
+#if RTI_IN(THREADED)
 /* What the test of bounding spheres needs of the rays of a packet. Directions are scaled, so that no square leaves the floats. */
+RTI_SHARED(
 typedef struct { rti_v org[3], dir[3], largest, rlength2, tmin, pad; } rti_sweep;
 
 RTI_FN rti_sweep rti_make_sweep(const rti_packet *p)
@@ -8407,12 +8419,14 @@ RTI_FN rti_sweep rti_make_sweep(const rti_packet *p)
     s.pad = rti_vmul(rti_vset(6), rti_vload(p->pad));
     return s;
 }
+)
 
 /* Lanes whose ray comes nearer to the centre than the radius, between tmin and tmax. With e = 2^-24 and R as in rti_prepare, which is at
    least the distance over sqrt(3): the point nearest to the centre is found to within 12 e times the distance, 21 e R, and a hit lies up
    to sqrt(3) pads off its primitive: together less than 4 pads, since one is at least 16 e R. Squares err by 8 e of the radius at most, by
    which rti_set_sphere has made it larger. */
-RTI_FN unsigned rti_meet_sphere(const rti_sweep *s, const float sphere[4], rti_v tmax)
+RTI_SHARED(
+RTI_FN unsigned rti_meet_sphere(const rti_sweep *s, const RTI_GLOBAL float *sphere, rti_v tmax)
 {
     const rti_v x = rti_vsub(rti_vset(sphere[0]), s->org[0]), y = rti_vsub(rti_vset(sphere[1]), s->org[1]);
     const rti_v z = rti_vsub(rti_vset(sphere[2]), s->org[2]), r = rti_vadd(rti_vset(sphere[3]), s->pad);
@@ -8421,6 +8435,11 @@ RTI_FN unsigned rti_meet_sphere(const rti_sweep *s, const float sphere[4], rti_v
     const rti_v dx = rti_vsub(x, rti_vmul(at, s->dir[0])), dy = rti_vsub(y, rti_vmul(at, s->dir[1])), dz = rti_vsub(z, rti_vmul(at, s->dir[2]));
     return rti_vle(rti_vfma(dx, dx, rti_vfma(dy, dy, rti_vmul(dz, dz))), rti_vmul(r, r));
 }
+)
+#endif
+
+#if RTI_IN(HOST)
+#define RTI_GROUPS (RTI_WIDTH == 1 ? 1 : 16 / RTI_WIDTH)   /* packets that go together at most: 16 rays */
 
 /* Where packets are in a threaded tree: in which accel, along which list of links. */
 typedef struct {
@@ -8666,7 +8685,10 @@ RTI_NOINLINE RTI_TARGET void rti_thread_groups(const rt_accel *accel, rti_packet
 }
 #endif
 
+#endif
 #endif /* RTI_THREADED */
+
+#if RTI_IN(HOST)
 
 /* Leaves out what this accel does not have. */
 RTI_FN unsigned rti_walk_tree(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
@@ -9533,6 +9555,55 @@ RTI_NOINLINE RTI_TARGET void rti_large_walk(const rt_accel *accel, rti_large *g,
 
 /* ---- >>batch -------------------------------------------------------------------------------------------------------- */
 
+/* Rays as they stand in memory to lanes: a transpose. */
+RTI_FN void rti_load_rays(const rt_ray *rays, rti_packet *p)
+{
+#if RTI_LANES == RTI_LANES_SSE2
+    int half;
+    RTI_UNROLL
+    for (half = 0; half < 2; half++) {      /* org and tmin, then dir and tmax */
+        const float *at = (const float *)(const void *)rays + 4 * half;
+        __m128 x = _mm_loadu_ps(at), y = _mm_loadu_ps(at + 8), z = _mm_loadu_ps(at + 16), w = _mm_loadu_ps(at + 24);
+        _MM_TRANSPOSE4_PS(x, y, z, w);
+        rti_vstore(half ? p->dir[0] : p->org[0], x);
+        rti_vstore(half ? p->dir[1] : p->org[1], y);
+        rti_vstore(half ? p->dir[2] : p->org[2], z);
+        rti_vstore(half ? p->t : p->tmin, w);
+    }
+#elif RTI_LANES == RTI_LANES_AVX2
+    const float *at = (const float *)(const void *)rays;     /* 8 floats a ray */
+    __m256 row[4], x, y, z, w;
+    int half, i;
+    RTI_UNROLL
+    for (half = 0; half < 2; half++) {
+        RTI_UNROLL
+        for (i = 0; i < 4; i++)             /* rays i and i + 4 side by side: two 4 x 4 transposes in one */
+            row[i] = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(at + 8 * i + 4 * half)),
+                                          _mm_loadu_ps(at + 8 * i + 32 + 4 * half), 1);
+        x = _mm256_unpacklo_ps(row[0], row[2]);
+        y = _mm256_unpackhi_ps(row[0], row[2]);
+        z = _mm256_unpacklo_ps(row[1], row[3]);
+        w = _mm256_unpackhi_ps(row[1], row[3]);
+        rti_vstore(half ? p->dir[0] : p->org[0], _mm256_unpacklo_ps(x, z));
+        rti_vstore(half ? p->dir[1] : p->org[1], _mm256_unpackhi_ps(x, z));
+        rti_vstore(half ? p->dir[2] : p->org[2], _mm256_unpacklo_ps(y, w));
+        rti_vstore(half ? p->t : p->tmin, _mm256_unpackhi_ps(y, w));
+    }
+#else
+    int i;
+    for (i = 0; i < RTI_WIDTH; i++) {
+        p->org[0][i] = rays[i].org.x;
+        p->org[1][i] = rays[i].org.y;
+        p->org[2][i] = rays[i].org.z;
+        p->tmin[i] = rays[i].tmin;
+        p->dir[0][i] = rays[i].dir.x;
+        p->dir[1][i] = rays[i].dir.y;
+        p->dir[2][i] = rays[i].dir.z;
+        p->t[i] = rays[i].tmax;
+    }
+#endif
+}
+
 /* n floats from first on, at most RTI_WIDTH; the last of them again in the lanes that are left. */
 RTI_FN rti_v rti_take_lanes(const float *from, size_t first, int n)
 {
@@ -10299,6 +10370,8 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec
 
 #endif
 
+#endif
+
 #undef RTI_NAME_
 #undef rti_v
 #undef rti_d
@@ -10364,6 +10437,7 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec
 #undef rti_hit_leaf
 #undef rti_walk_body
 #undef rti_walk
+#undef rti_walk_child
 #undef rti_walk_closest
 #undef rti_walk_any
 #undef rti_walk_closest_all
