@@ -4503,15 +4503,55 @@ RT_API bool rt_occluded(const rt_accel *accel, const rt_ray *ray)
     return hit.prim != RT_NONE;
 }
 
-/* Only RT_KD_BACKTRACK needs them. */
-static bool rti_has_links(const rt_accel *accel, size_t algorithm)
+/* Parent links, which only RT_KD_BACKTRACK needs. */
+static bool rti_has_links(const rt_accel *accel)
 {
 #if RTI_KDTREE
-    return algorithm != RT_KD_BACKTRACK || accel->kdlinks || !accel->node_count;
+    return accel->kdlinks || !accel->node_count;
 #else
-    (void)accel, (void)algorithm;
-    return true;
+    (void)accel;
+    return false;
 #endif
+}
+
+/* Is all that opt says allowed, for an accel of that structure, with parent links or without? */
+static rt_status rti_check_options(const rt_trace_options *opt, rt_structure structure, bool links)
+{
+    const rt_algorithm_info *info;
+    if ((unsigned)opt->algorithm >= RT_ALGORITHM_COUNT)
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %d is none of rt_algorithm", (int)opt->algorithm);
+    if ((unsigned)opt->cull >= RT_CULL_COUNT)
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "cull %d is none of rt_cull", (int)opt->cull);
+    if ((unsigned)opt->query > RT_ANY)
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "query %d is none of rt_query", (int)opt->query);
+    info = &rti_algorithms[opt->algorithm];
+    if (info->structure != RT_STRUCTURE_COUNT && info->structure != structure) {
+        char list[128] = "";
+        size_t used = 0, i;
+        for (i = 0; i < RT_ALGORITHM_COUNT; i++)
+            if (rti_algorithms[i].built && (rti_algorithms[i].structure == structure || i == RT_AUTO) && (links || i != RT_KD_BACKTRACK))
+                used += (size_t)snprintf(list + used, sizeof list - used, used ? ", %s" : "%s", rti_algorithms[i].name);
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s is for a %s; this accel is a %s and takes: %s", info->name,
+                        rti_structure_names[info->structure], rti_structure_names[structure], list);
+    }
+    if (!links && opt->algorithm == RT_KD_BACKTRACK)
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s needs parent links, which this accel was built without "
+                        "(no_backtrack); the other kd algorithms do not", info->name);
+    if (opt->short_stack < 0 || opt->short_stack > RT_MAX_SHORT_STACK)
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "short_stack is %d: it must be 0 (as 3) or between 1 and %d entries",
+                        opt->short_stack, RT_MAX_SHORT_STACK);
+    if (opt->cull != RT_CULL_NONE && !info->culls)
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s has no frustum to cull with: cull must be none", info->name);
+    return RT_OK;
+}
+
+static rt_status rti_no_width(const rt_trace_options *opt, const int *widths, size_t n)
+{
+    char list[64] = "";
+    size_t used = 0, i;
+    for (i = 0; i < n; i++) used += (size_t)snprintf(list + used, sizeof list - used, i ? ", %d" : "%d", widths[i]);
+    return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s takes packet_width 0 (default) or one of: %s; not %d",
+                    rti_algorithms[opt->algorithm].name, list, opt->packet_width);
 }
 
 /* Resolves and checks everything of opt once: the batch function and its job, or an error. RT_AUTO takes the widest packets, which measure
@@ -4521,39 +4561,18 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
     static const char *const isas[] = { RT_ISA_LIST(RTI_NAME) };
     const rt_algorithm_info *info;
     int widths[8], width;
-    size_t n, i;
+    size_t n;
     bool has_isa;
-    if ((unsigned)opt->algorithm >= RT_ALGORITHM_COUNT)
-        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %d is none of rt_algorithm", (int)opt->algorithm);
-    if ((unsigned)opt->cull >= RT_CULL_COUNT)
-        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "cull %d is none of rt_cull", (int)opt->cull);
-    if ((unsigned)opt->query > RT_ANY)
-        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "query %d is none of rt_query", (int)opt->query);
-    if ((unsigned)opt->isa >= RT_ISA_COUNT)
-        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "isa %d is none of rt_isa", (int)opt->isa);
-    info = &rti_algorithms[opt->algorithm];
-    if (!info->built)
+    rt_status status;
+    if ((unsigned)opt->algorithm < RT_ALGORITHM_COUNT && !rti_algorithms[opt->algorithm].built) {
+        info = &rti_algorithms[opt->algorithm];
         return rti_fail(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "algorithm %s (structure %s) is not built", info->name,
                         rti_structure_names[info->structure]);
-    if (info->structure != RT_STRUCTURE_COUNT && info->structure != accel->structure) {
-        char list[128] = "";
-        size_t used = 0;
-        for (i = 0; i < RT_ALGORITHM_COUNT; i++)
-            if (rti_algorithms[i].built && (rti_algorithms[i].structure == accel->structure || i == RT_AUTO) && rti_has_links(accel, i))
-                used += (size_t)snprintf(list + used, sizeof list - used, used ? ", %s" : "%s", rti_algorithms[i].name);
-        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s is for a %s; this accel is a %s and takes: %s", info->name,
-                        rti_structure_names[info->structure], rti_structure_names[accel->structure], list);
     }
-#if RTI_KDTREE
-    if (!rti_has_links(accel, (size_t)opt->algorithm))
-        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s needs parent links, which this accel was built without "
-                        "(no_backtrack); the other kd algorithms do not", info->name);
-#endif
-    if (opt->short_stack < 0 || opt->short_stack > RT_MAX_SHORT_STACK)
-        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "short_stack is %d: it must be 0 (as 3) or between 1 and %d entries",
-                        opt->short_stack, RT_MAX_SHORT_STACK);
-    if (opt->cull != RT_CULL_NONE && !info->culls)
-        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s has no frustum to cull with: cull must be none", info->name);
+    if ((unsigned)opt->isa >= RT_ISA_COUNT)
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "isa %d is none of rt_isa", (int)opt->isa);
+    if ((status = rti_check_options(opt, accel->structure, rti_has_links(accel))) != RT_OK) return status;
+    info = &rti_algorithms[opt->algorithm];
     has_isa = RTI_X86 ? opt->isa != RT_ISA_SCALAR && (opt->isa != RT_ISA_AVX2 || rt_best_isa() == RT_ISA_AVX2)
                       : opt->isa == RT_ISA_AUTO || opt->isa == RT_ISA_SCALAR;
     if (!has_isa)
@@ -4568,13 +4587,7 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
         else if (!RTI_PACKETS || accel->structure != RT_BVH || count < RTI_AUTO_RAYS / 4) width = widths[n - 1];    /* else 0: by trying */
     }
     *batch = rti_batch_of(opt->algorithm, width, opt->isa);
-    if (!*batch) {
-        char list[64];
-        size_t used = 0;
-        for (i = 0; i < n; i++) used += (size_t)snprintf(list + used, sizeof list - used, i ? ", %d" : "%d", widths[i]);
-        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s takes packet_width 0 (default) or one of: %s; not %d",
-                        info->name, list, opt->packet_width);
-    }
+    if (!*batch) return rti_no_width(opt, widths, n);
     job->query = opt->query;
 #if RTI_STATS
     job->stats = opt->stats;

@@ -1,0 +1,1681 @@
+/* rt_gpu.h - rt.h on OpenCL 1.2 devices.    SPDX-License-Identifier: MIT OR Unlicense
+
+   The same traversals, primitive tests and hits, bit for bit, on a GPU, or on a CPU through PoCL. Kernels are in the program, and are compiled for
+   the scene; OpenCL is opened at run time, so nothing is linked, and a program that never calls rt_gpu_open runs where there is none.
+
+   QUICK START
+
+       #define RT_IMPLEMENTATION
+       #include "rt.h"
+       #define RT_GPU_IMPLEMENTATION        // in the file that has RT_IMPLEMENTATION
+       #include "rt_gpu.h"
+
+       rt_gpu *gpu;
+       rt_gpu_accel *there;
+       if (rt_gpu_open(&gpu, NULL) != RT_OK) return 1;              // the first GPU, else the first CPU
+       if (rt_gpu_upload(gpu, &there, accel, NULL) != RT_OK) return 1;
+       rt_gpu_trace(gpu, there, NULL, rays, count, hits);           // as rt_trace
+       rt_gpu_close(gpu);
+
+   CONTENTS (search for the tag)
+
+       declarations    >>gpu-device  >>gpu-accel  >>gpu-trace  >>gpu-buffers
+       implementation  >>gpu-opencl  >>gpu-open   >>gpu-upload >>gpu-text    >>gpu-program  >>gpu-run
+
+   LIFETIME AND THREADS
+
+     What a context, an rt_gpu, makes belongs to it: rt_gpu_close frees what is left, and waits for what still runs. A context and all that it
+     made is for one thread at a time; contexts do not know of each other. An accel may be freed once it is uploaded. The library keeps
+     no global state and prints nothing; OpenCL itself, once opened, stays.
+
+   MACROS, each defined before the include
+
+       RT_GPU_IMPLEMENTATION    emit the code here, behind rt.h's, and under the same RT_NO_*
+       RT_GPU_SELF, RT_GPU_KERNELS   the names this file and rt_gpu_kernels.cl are included by
+
+   ENVIRONMENT
+
+       RT_GPU_DEVICE    what rt_gpu_options.device is where it is NULL
+       RT_GPU_LIBRARY   the library to open, instead of the system's OpenCL  */
+
+#ifndef RT_GPU_H
+#define RT_GPU_H
+
+#ifndef RT_H
+#error "rt_gpu.h: include rt.h first"
+#endif
+
+/* ---- >>gpu-device --------------------------------------------------------------------------------------------------- */
+
+/* A device of the machine. */
+typedef struct {
+    char name[128], platform[128], version[64];
+    bool gpu;                               /* else a CPU, or an accelerator */
+    bool usable;                            /* false: lacks tells why */
+    char lacks[64];
+    uint32_t units;                         /* compute units */
+    uint64_t memory, largest;               /* bytes: of the device, and of one buffer at most */
+} rt_gpu_info;
+
+/* Writes up to max of the machine's devices to infos, and to *count how many there are: the number of a device is its place there.
+   RT_ERROR_NO_DEVICE: there is no OpenCL. error may be NULL. */
+RT_API rt_status rt_gpu_list(rt_gpu_info *infos, size_t max, size_t *count, rt_error *error);
+
+typedef struct rt_gpu rt_gpu;               /* a context: a device, its programs and buffers */
+
+/* Zero is the default of every field. */
+typedef struct {
+    const char *device;                     /* "gpu", "cpu", a number of rt_gpu_list, or part of a name; NULL: the environment's
+                                               RT_GPU_DEVICE, or else the first GPU that is usable, or else the first device that is */
+    size_t memory_limit;                    /* bytes that all buffers may take together; 0: what the device has */
+    bool general;                           /* compile programs for any scene, not for the one at hand: fewer and slower */
+    const char *flags;                      /* more of them for OpenCL's compiler */
+    void *memory_user;                      /* given to RT_MALLOC and RT_FREE */
+    rt_error *error;                        /* NULL: only the status tells */
+} rt_gpu_options;
+
+/* Opens a device; opt NULL = defaults. RT_ERROR_NO_DEVICE: no OpenCL, no such device; RT_ERROR_UNSUPPORTED: it lacks something (double
+   precision, denormals, correctly rounded division), which the message names. *out is NULL then. */
+RT_API rt_status rt_gpu_open(rt_gpu **out, const rt_gpu_options *opt);
+
+/* Waits for what still runs and frees the context with all that it made; NULL is fine. */
+RT_API void rt_gpu_close(rt_gpu *gpu);
+
+RT_API void rt_gpu_get_info(const rt_gpu *gpu, rt_gpu_info *info);
+
+/* What OpenCL's compiler said of the last program that it refused; "" before that. Owned by gpu, until the next call with it. */
+RT_API const char *rt_gpu_log(const rt_gpu *gpu);
+
+/* How many programs gpu has compiled. */
+RT_API size_t rt_gpu_program_count(const rt_gpu *gpu);
+
+/* ---- >>gpu-accel ---------------------------------------------------------------------------------------------------- */
+
+typedef struct rt_gpu_accel rt_gpu_accel;   /* an rt_accel, and all that it instances, on a device */
+
+/* Copies accel to the device, in O(its bytes). Changes of accel are not seen: upload it again. RT_ERROR_MEMORY: it does not fit there. error
+   may be NULL. */
+RT_API rt_status rt_gpu_upload(rt_gpu *gpu, rt_gpu_accel **out, const rt_accel *accel, rt_error *error);
+
+RT_API void rt_gpu_free(rt_gpu_accel *accel);
+
+/* Bytes that it takes on the device. */
+RT_API size_t rt_gpu_bytes(const rt_gpu_accel *accel);
+
+/* ---- >>gpu-trace ---------------------------------------------------------------------------------------------------- */
+
+/* As rt_trace, and with its hits. Of opt, stats must be NULL, isa is not looked at, and algorithms have these packet_widths (0: the default):
+     RT_KD_STACK, RT_KD_RESTART, RT_KD_PUSHDOWN, RT_KD_SHORTSTACK, RT_BVH_SIMD   1: a ray a work-item; 2, 8, 16: packets of 2x2, 8, 16
+     RT_KD_BACKTRACK, RT_BVH_STACK, RT_BVH_WIDE, RT_THREADED_SINGLE              1
+     RT_BVH_MASKED, RT_BVH_RANGED, RT_BVH_PARTITION      4, 8, 16, 32 rays a side: a packet a work-group
+     RT_THREADED_PARALLEL                                2, 4, 8, 16 rays
+   RT_AUTO takes what measures fastest on the kind of device. A program is compiled where none fits yet, which takes seconds.
+   Copies rays to the device and hits back, a million at a time. */
+RT_API rt_status rt_gpu_trace(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt, const rt_ray *rays, size_t count,
+                              rt_hit *hits);
+
+/* Compiles what rt_gpu_trace would need for that, unless it has been: seconds that the first call does not take then. The device's own
+   code may still be made when it first runs. */
+RT_API rt_status rt_gpu_prepare(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt);
+
+/* The packet widths of an algorithm there, as rt_packet_widths; none: no kernel has it. */
+RT_API size_t rt_gpu_widths(rt_algorithm algorithm, int *widths, size_t max);
+
+/* ---- >>gpu-buffers -------------------------------------------------------------------------------------------------- */
+
+typedef struct rt_gpu_buffer rt_gpu_buffer;         /* memory of a device */
+typedef struct rt_gpu_event rt_gpu_event;           /* something that it was told to do */
+
+/* size bytes, above 0, not initialised. */
+RT_API rt_status rt_gpu_buffer_new(rt_gpu *gpu, rt_gpu_buffer **out, size_t size, rt_error *error);
+RT_API void rt_gpu_buffer_free(rt_gpu_buffer *buffer);
+
+/* Copies size bytes at an offset of buffer, and returns when they are copied: after all that gpu was told before. */
+RT_API rt_status rt_gpu_write(rt_gpu_buffer *buffer, size_t offset, const void *from, size_t size, rt_error *error);
+RT_API rt_status rt_gpu_read(rt_gpu_buffer *buffer, size_t offset, void *to, size_t size, rt_error *error);
+
+/* As rt_gpu_trace, from count rt_ray in one buffer to rt_hit in another, and without waiting: the device does what it is told in order.
+   times: floats, or NULL; opt->times must be NULL. event, unless NULL, is for rt_gpu_wait. */
+RT_API rt_status rt_gpu_trace_buffers(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt, const rt_gpu_buffer *rays,
+                                      const rt_gpu_buffer *times, size_t count, rt_gpu_buffer *hits, rt_gpu_event **event);
+
+/* Waits until it is done and frees it; seconds, unless NULL: that the device was at it. */
+RT_API rt_status rt_gpu_wait(rt_gpu_event *event, double *seconds, rt_error *error);
+
+/* Is it done? */
+RT_API bool rt_gpu_done(const rt_gpu_event *event);
+
+/* Waits for all that gpu was told. */
+RT_API rt_status rt_gpu_finish(rt_gpu *gpu, rt_error *error);
+
+#endif /* RT_GPU_H */
+
+/* ==== implementation ================================================================================================ */
+
+#if defined(RT_GPU_IMPLEMENTATION) && !defined(RTI_GPU_IMPLEMENTED)
+#define RTI_GPU_IMPLEMENTED
+
+#ifndef RTI_IMPLEMENTED
+#error "rt_gpu.h: RT_GPU_IMPLEMENTATION goes into the file that has RT_IMPLEMENTATION, behind its #include of rt.h"
+#endif
+#ifndef RT_GPU_KERNELS
+#define RT_GPU_KERNELS "rt_gpu_kernels.cl"
+#endif
+
+#include <stdlib.h>
+#ifndef _WIN32
+#include <dlfcn.h>
+#endif
+
+/* ---- >>gpu-opencl --------------------------------------------------------------------------------------------------- */
+
+/* The little of OpenCL 1.2 that is used, under names of our own: CL/cl.h may be included beside it. */
+typedef int32_t rti_cl_int;
+typedef uint32_t rti_cl_uint;
+typedef uint64_t rti_cl_ulong;
+typedef void *rti_cl;                       /* a platform, device, context, queue, program, kernel, buffer or event */
+
+enum {
+    RTI_CL_SUCCESS = 0, RTI_CL_DEVICE_NOT_FOUND = -1, RTI_CL_COMPILER_NOT_AVAILABLE = -3, RTI_CL_NO_MEMORY = -4, RTI_CL_NO_RESOURCES = -5,
+    RTI_CL_NO_HOST_MEMORY = -6, RTI_CL_BUILD_FAILURE = -11, RTI_CL_BAD_SIZE = -61,
+    RTI_CL_PLATFORM_NAME = 0x0902,
+    RTI_CL_TYPE_CPU = 2, RTI_CL_TYPE_GPU = 4,
+    RTI_CL_DEVICE_TYPE = 0x1000, RTI_CL_DEVICE_UNITS = 0x1002, RTI_CL_DEVICE_MAX_GROUP = 0x1004, RTI_CL_DEVICE_LARGEST = 0x1010,
+    RTI_CL_DEVICE_SINGLE = 0x101B, RTI_CL_DEVICE_MEMORY = 0x101F, RTI_CL_DEVICE_LOCAL = 0x1023, RTI_CL_DEVICE_LITTLE = 0x1026,
+    RTI_CL_DEVICE_AVAILABLE = 0x1027, RTI_CL_DEVICE_COMPILER = 0x1028, RTI_CL_DEVICE_NAME = 0x102B, RTI_CL_DEVICE_VERSION = 0x102F,
+    RTI_CL_DEVICE_DOUBLE = 0x1032,
+    RTI_CL_DENORM = 1, RTI_CL_ROUNDED_DIVIDE = 128,
+    RTI_CL_QUEUE_PROFILING = 2,
+    RTI_CL_READ_WRITE = 1, RTI_CL_READ_ONLY = 4,
+    RTI_CL_BUILD_LOG = 0x1183,
+    RTI_CL_GROUP_SIZE = 0x11B0, RTI_CL_LOCAL_SIZE = 0x11B2, RTI_CL_PRIVATE_SIZE = 0x11B4,
+    RTI_CL_EVENT_STATUS = 0x11D3,
+    RTI_CL_PROFILE_START = 0x1282, RTI_CL_PROFILE_END = 0x1283
+};
+
+#if defined(_WIN32)
+#define RTI_CL_CALL __stdcall
+#else
+#define RTI_CL_CALL
+#endif
+#define RTI_CL_LIST(X)                                                                                                                \
+    X(GetPlatformIDs, rti_cl_int, (rti_cl_uint, rti_cl *, rti_cl_uint *))                                                             \
+    X(GetPlatformInfo, rti_cl_int, (rti_cl, rti_cl_uint, size_t, void *, size_t *))                                                   \
+    X(GetDeviceIDs, rti_cl_int, (rti_cl, rti_cl_ulong, rti_cl_uint, rti_cl *, rti_cl_uint *))                                         \
+    X(GetDeviceInfo, rti_cl_int, (rti_cl, rti_cl_uint, size_t, void *, size_t *))                                                     \
+    X(CreateContext, rti_cl, (const intptr_t *, rti_cl_uint, const rti_cl *, void *, void *, rti_cl_int *))                           \
+    X(ReleaseContext, rti_cl_int, (rti_cl))                                                                                           \
+    X(CreateCommandQueue, rti_cl, (rti_cl, rti_cl, rti_cl_ulong, rti_cl_int *))                                                       \
+    X(ReleaseCommandQueue, rti_cl_int, (rti_cl))                                                                                      \
+    X(CreateBuffer, rti_cl, (rti_cl, rti_cl_ulong, size_t, void *, rti_cl_int *))                                                     \
+    X(ReleaseMemObject, rti_cl_int, (rti_cl))                                                                                         \
+    X(CreateProgramWithSource, rti_cl, (rti_cl, rti_cl_uint, const char **, const size_t *, rti_cl_int *))                            \
+    X(BuildProgram, rti_cl_int, (rti_cl, rti_cl_uint, const rti_cl *, const char *, void *, void *))                                  \
+    X(GetProgramBuildInfo, rti_cl_int, (rti_cl, rti_cl, rti_cl_uint, size_t, void *, size_t *))                                       \
+    X(ReleaseProgram, rti_cl_int, (rti_cl))                                                                                           \
+    X(CreateKernel, rti_cl, (rti_cl, const char *, rti_cl_int *))                                                                     \
+    X(GetKernelWorkGroupInfo, rti_cl_int, (rti_cl, rti_cl, rti_cl_uint, size_t, void *, size_t *))                                    \
+    X(ReleaseKernel, rti_cl_int, (rti_cl))                                                                                            \
+    X(SetKernelArg, rti_cl_int, (rti_cl, rti_cl_uint, size_t, const void *))                                                          \
+    X(EnqueueNDRangeKernel, rti_cl_int, (rti_cl, rti_cl, rti_cl_uint, const size_t *, const size_t *, const size_t *, rti_cl_uint,    \
+                                         const rti_cl *, rti_cl *))                                                                   \
+    X(EnqueueWriteBuffer, rti_cl_int, (rti_cl, rti_cl, rti_cl_uint, size_t, size_t, const void *, rti_cl_uint, const rti_cl *, rti_cl *)) \
+    X(EnqueueReadBuffer, rti_cl_int, (rti_cl, rti_cl, rti_cl_uint, size_t, size_t, void *, rti_cl_uint, const rti_cl *, rti_cl *))    \
+    X(Flush, rti_cl_int, (rti_cl))                                                                                                    \
+    X(Finish, rti_cl_int, (rti_cl))                                                                                                   \
+    X(WaitForEvents, rti_cl_int, (rti_cl_uint, const rti_cl *))                                                                       \
+    X(GetEventInfo, rti_cl_int, (rti_cl, rti_cl_uint, size_t, void *, size_t *))                                                      \
+    X(GetEventProfilingInfo, rti_cl_int, (rti_cl, rti_cl_uint, size_t, void *, size_t *))                                             \
+    X(ReleaseEvent, rti_cl_int, (rti_cl))
+
+#define RTI_CL_MEMBER(name, result, arguments) result (RTI_CL_CALL *name) arguments;
+typedef struct { RTI_CL_LIST(RTI_CL_MEMBER) } rti_cl_api;
+
+#if defined(_WIN32)
+#ifdef __cplusplus
+extern "C" {
+#endif
+__declspec(dllimport) void *__stdcall LoadLibraryA(const char *name);
+__declspec(dllimport) void *__stdcall GetProcAddress(void *library, const char *name);
+#ifdef __cplusplus
+}
+#endif
+#endif
+
+/* The system's OpenCL, which stays opened: devices of drivers that are closed crash. */
+static rt_status rti_cl_load(rti_cl_api *cl, rt_error *error)
+{
+#if defined(_WIN32)
+    static const char *const names[] = { "OpenCL.dll" };
+#elif defined(__APPLE__)
+    static const char *const names[] = { "/System/Library/Frameworks/OpenCL.framework/OpenCL" };
+#else
+    static const char *const names[] = { "libOpenCL.so.1", "libOpenCL.so" };
+#endif
+    const char *const asked = getenv("RT_GPU_LIBRARY");
+    void *library = NULL, *found;
+    size_t i;
+    for (i = 0; i < (asked ? 1 : sizeof names / sizeof names[0]) && !library; i++) {
+#if defined(_WIN32)
+        library = LoadLibraryA(asked ? asked : names[i]);
+#else
+        library = dlopen(asked ? asked : names[i], RTLD_NOW | RTLD_LOCAL);
+#endif
+    }
+    if (!library)
+        return rti_fail(error, RT_ERROR_NO_DEVICE, RT_NONE, "OpenCL is not installed: %s cannot be opened", asked ? asked : names[0]);
+#if defined(_WIN32)
+#define RTI_CL_FIND(text) GetProcAddress(library, text)
+#else
+#define RTI_CL_FIND(text) dlsym(library, text)
+#endif
+#define RTI_CL_TAKE(name, result, arguments)                                                                                      \
+    found = RTI_CL_FIND("cl" #name);                                                                                              \
+    if (!found)                                                                                                                   \
+        return rti_fail(error, RT_ERROR_NO_DEVICE, RT_NONE, "%s lacks cl" #name, asked ? asked : "the OpenCL that is installed"); \
+    memcpy(&cl->name, &found, sizeof found);
+    RTI_CL_LIST(RTI_CL_TAKE)
+    return RT_OK;
+}
+
+static rt_status rti_cl_status(rti_cl_int code)
+{
+    switch (code) {
+    case RTI_CL_SUCCESS: return RT_OK;
+    case RTI_CL_NO_MEMORY: case RTI_CL_NO_RESOURCES: case RTI_CL_NO_HOST_MEMORY: case RTI_CL_BAD_SIZE: return RT_ERROR_MEMORY;
+    case RTI_CL_BUILD_FAILURE: case RTI_CL_COMPILER_NOT_AVAILABLE: return RT_ERROR_UNSUPPORTED;
+    default: return RT_ERROR_NO_DEVICE;
+    }
+}
+
+static rt_status rti_cl_fail(rt_error *error, rti_cl_int code, const char *what)
+{
+    const rt_status status = rti_cl_status(code);
+    return rti_fail(error, status, RT_NONE, "%s: %s (OpenCL error %d)", what,
+                    status == RT_ERROR_MEMORY ? "the device is out of memory" : "the device or its driver fails", (int)code);
+}
+
+/* ---- >>gpu-open ----------------------------------------------------------------------------------------------------- */
+
+typedef struct rti_gpu_program rti_gpu_program;
+typedef struct rti_gpu_object rti_gpu_object;
+
+/* What a context made heads a list: closing it frees them. */
+struct rti_gpu_object {
+    rt_gpu *gpu;
+    rti_gpu_object *next, **link;           /* link: what points here */
+    rti_cl mem;                             /* of an event: itself */
+    size_t bytes;
+    bool event;
+};
+
+struct rt_gpu {
+    rti_cl_api cl;
+    rti_cl device, context, queue;
+    rt_gpu_info info;
+    size_t group, memory_limit, used;       /* group: most work-items of one; bytes that may be and are taken */
+    bool general;
+    char *flags, *log;
+    rti_gpu_program *programs;
+    size_t program_count;
+    rti_gpu_object *objects;
+    rt_gpu_buffer *rays, *hits, *times;     /* of rt_gpu_trace */
+    void *memory_user;
+};
+struct rt_gpu_buffer { rti_gpu_object object; };
+struct rt_gpu_event { rti_gpu_object object; };
+
+#define RTI_GPU_PLATFORMS 16
+#define RTI_GPU_DEVICES 64
+
+static void rti_gpu_text(const rti_cl_api *cl, rti_cl of, bool platform, rti_cl_uint what, char *text, size_t size)
+{
+    char whole[1024];
+    size_t length = 0;
+    const rti_cl_int code = platform ? cl->GetPlatformInfo(of, what, sizeof whole, whole, &length)
+                                     : cl->GetDeviceInfo(of, what, sizeof whole, whole, &length);
+    if (code != RTI_CL_SUCCESS || !length) length = 1;
+    whole[length < sizeof whole ? length : sizeof whole - 1] = 0;
+    if (length == 1) whole[0] = 0;
+    snprintf(text, size, "%.*s", (int)size - 1, whole);
+}
+
+static uint64_t rti_gpu_number(const rti_cl_api *cl, rti_cl device, rti_cl_uint what)
+{
+    union { uint64_t wide; uint32_t narrow; } number;
+    size_t size = 0;
+    number.wide = 0;
+    if (cl->GetDeviceInfo(device, what, sizeof number, &number, &size) != RTI_CL_SUCCESS) return 0;
+    return size == 4 ? number.narrow : number.wide;
+}
+
+/* Hits can only be the same where arithmetic is. */
+static void rti_gpu_describe(const rti_cl_api *cl, rti_cl platform, rti_cl device, rt_gpu_info *info)
+{
+    const uint64_t single = rti_gpu_number(cl, device, RTI_CL_DEVICE_SINGLE);
+    const char *lacks = NULL;
+    memset(info, 0, sizeof *info);
+    rti_gpu_text(cl, platform, true, RTI_CL_PLATFORM_NAME, info->platform, sizeof info->platform);
+    rti_gpu_text(cl, device, false, RTI_CL_DEVICE_NAME, info->name, sizeof info->name);
+    rti_gpu_text(cl, device, false, RTI_CL_DEVICE_VERSION, info->version, sizeof info->version);
+    info->gpu = (rti_gpu_number(cl, device, RTI_CL_DEVICE_TYPE) & RTI_CL_TYPE_GPU) != 0;
+    info->units = (uint32_t)rti_gpu_number(cl, device, RTI_CL_DEVICE_UNITS);
+    info->memory = rti_gpu_number(cl, device, RTI_CL_DEVICE_MEMORY);
+    info->largest = rti_gpu_number(cl, device, RTI_CL_DEVICE_LARGEST);
+    if (!rti_gpu_number(cl, device, RTI_CL_DEVICE_AVAILABLE)) lacks = "is not available";
+    else if (!rti_gpu_number(cl, device, RTI_CL_DEVICE_COMPILER)) lacks = "has no compiler";
+    else if (!rti_gpu_number(cl, device, RTI_CL_DEVICE_LITTLE)) lacks = "is big-endian";
+    else if (!rti_gpu_number(cl, device, RTI_CL_DEVICE_DOUBLE)) lacks = "has no double precision";
+    else if (!(single & RTI_CL_DENORM)) lacks = "has no denormal floats";
+    else if (!(single & RTI_CL_ROUNDED_DIVIDE)) lacks = "has no correctly rounded division";
+    info->usable = !lacks;
+    if (lacks) snprintf(info->lacks, sizeof info->lacks, "%s", lacks);
+}
+
+/* All devices of all platforms. */
+static rt_status rti_gpu_find(const rti_cl_api *cl, rti_cl devices[RTI_GPU_DEVICES], rti_cl platforms[RTI_GPU_DEVICES], size_t *count,
+                              rt_error *error)
+{
+    rti_cl all[RTI_GPU_PLATFORMS];
+    rti_cl_uint found = 0, i, j, n;
+    *count = 0;
+    if (cl->GetPlatformIDs(RTI_GPU_PLATFORMS, all, &found) != RTI_CL_SUCCESS || !found)
+        return rti_fail(error, RT_ERROR_NO_DEVICE, RT_NONE, "OpenCL is there but no driver for a device (PoCL is one for any CPU)");
+    for (i = 0; i < found && i < RTI_GPU_PLATFORMS; i++) {
+        n = 0;
+        if (cl->GetDeviceIDs(all[i], 0xffffffffu, (rti_cl_uint)(RTI_GPU_DEVICES - *count), devices + *count, &n) != RTI_CL_SUCCESS) continue;
+        for (j = 0; j < n && *count < RTI_GPU_DEVICES; j++) platforms[(*count)++] = all[i];
+    }
+    if (!*count) return rti_fail(error, RT_ERROR_NO_DEVICE, RT_NONE, "OpenCL is there but no device");
+    return RT_OK;
+}
+
+RT_API rt_status rt_gpu_list(rt_gpu_info *infos, size_t max, size_t *count, rt_error *error)
+{
+    rti_cl devices[RTI_GPU_DEVICES], platforms[RTI_GPU_DEVICES];
+    rti_cl_api cl;
+    rt_status status;
+    size_t i;
+    if (!count || (max && !infos)) return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", count ? "infos" : "count");
+    *count = 0;
+    if ((status = rti_cl_load(&cl, error)) != RT_OK || (status = rti_gpu_find(&cl, devices, platforms, count, error)) != RT_OK) return status;
+    for (i = 0; i < *count && i < max; i++) rti_gpu_describe(&cl, platforms[i], devices[i], &infos[i]);
+    return RT_OK;
+}
+
+static bool rti_gpu_same(char a, char b) { return (a >= 'A' && a <= 'Z' ? a + 32 : a) == (b >= 'A' && b <= 'Z' ? b + 32 : b); }
+
+/* Does the text have that part, in any case of letters? */
+static bool rti_gpu_has(const char *text, const char *part)
+{
+    for (;; text++) {
+        size_t i = 0;
+        while (part[i] && rti_gpu_same(text[i], part[i])) i++;
+        if (!part[i]) return true;
+        if (!*text) return false;
+    }
+}
+
+/* The device that is asked for, see rt_gpu_options. */
+static rt_status rti_gpu_choose(const rti_cl_api *cl, const char *asked, rti_cl *device, rt_gpu_info *info, rt_error *error)
+{
+    rti_cl devices[RTI_GPU_DEVICES], platforms[RTI_GPU_DEVICES];
+    const bool any = !asked || !*asked, number = !any && strspn(asked, "0123456789") == strlen(asked);
+    const bool gpu = !any && !strcmp(asked, "gpu"), cpu = !any && !strcmp(asked, "cpu");
+    rt_gpu_info one, best;
+    size_t count, i;
+    int best_rank = 0;
+    rt_status status = rti_gpu_find(cl, devices, platforms, &count, error);
+    if (status != RT_OK) return status;
+    memset(&best, 0, sizeof best);
+    for (i = 0; i < count; i++) {
+        int rank = 0;
+        rti_gpu_describe(cl, platforms[i], devices[i], &one);
+        if (any) rank = one.usable ? one.gpu ? 3 : 2 : 1;
+        else if (number ? strtoul(asked, NULL, 10) == i : gpu ? one.gpu : cpu ? !one.gpu : rti_gpu_has(one.name, asked) || rti_gpu_has(one.platform, asked))
+            rank = one.usable ? 2 : 1;
+        if (rank > best_rank) {
+            best_rank = rank;
+            best = one;
+            *device = devices[i];
+        }
+    }
+    if (!best_rank)
+        return rti_fail(error, RT_ERROR_NO_DEVICE, RT_NONE, "no device is called %s; there are %u, the first is %s", asked, (unsigned)count, one.name);
+    if (!best.usable) return rti_fail(error, RT_ERROR_UNSUPPORTED, RT_NONE, "device %s %s", best.name, best.lacks);
+    *info = best;
+    return RT_OK;
+}
+
+static char *rti_gpu_copy_text(const char *text, void *user)
+{
+    const size_t size = strlen(text) + 1;
+    char *copy = (char *)rti_alloc(size, 1, user);
+    if (copy) memcpy(copy, text, size);
+    return copy;
+}
+
+RT_API rt_status rt_gpu_open(rt_gpu **out, const rt_gpu_options *opt)
+{
+    rt_gpu_options defaults;
+    rti_cl_int code = RTI_CL_SUCCESS;
+    rt_status status;
+    rt_gpu *gpu;
+    memset(&defaults, 0, sizeof defaults);
+    if (!opt) opt = &defaults;
+    if (!out) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "out is NULL");
+    *out = NULL;
+    gpu = (rt_gpu *)rti_alloc(1, sizeof *gpu, opt->memory_user);
+    if (!gpu) return rti_fail(opt->error, RT_ERROR_MEMORY, RT_NONE, "no memory for a context");
+    memset(gpu, 0, sizeof *gpu);
+    gpu->memory_user = opt->memory_user;
+    gpu->general = opt->general;
+    status = rti_cl_load(&gpu->cl, opt->error);
+    if (status == RT_OK)
+        status = rti_gpu_choose(&gpu->cl, opt->device ? opt->device : getenv("RT_GPU_DEVICE"), &gpu->device, &gpu->info, opt->error);
+    if (status == RT_OK) {
+        gpu->memory_limit = opt->memory_limit;
+        if (!gpu->memory_limit || gpu->memory_limit > gpu->info.memory) gpu->memory_limit = (size_t)gpu->info.memory;
+        gpu->group = (size_t)rti_gpu_number(&gpu->cl, gpu->device, RTI_CL_DEVICE_MAX_GROUP);
+        gpu->flags = rti_gpu_copy_text(opt->flags ? opt->flags : "", gpu->memory_user);
+        if (!gpu->flags) status = rti_fail(opt->error, RT_ERROR_MEMORY, RT_NONE, "no memory for a context");
+    }
+    if (status == RT_OK) {
+        gpu->context = gpu->cl.CreateContext(NULL, 1, &gpu->device, NULL, NULL, &code);
+        if (gpu->context) gpu->queue = gpu->cl.CreateCommandQueue(gpu->context, gpu->device, RTI_CL_QUEUE_PROFILING, &code);
+        if (!gpu->queue) status = rti_cl_fail(opt->error, code, "a context");
+    }
+    if (status == RT_OK) *out = gpu;
+    else rt_gpu_close(gpu);
+    return status;
+}
+
+/* Releases an object of a context; its memory goes back to RT_FREE. */
+static void rti_gpu_drop(rti_gpu_object *object)
+{
+    rt_gpu *gpu = object->gpu;
+    *object->link = object->next;
+    if (object->next) object->next->link = object->link;
+    if (object->event) gpu->cl.ReleaseEvent(object->mem);
+    else if (object->mem) gpu->cl.ReleaseMemObject(object->mem);
+    gpu->used -= object->bytes;
+    rti_release(object, gpu->memory_user);
+}
+
+static void rti_gpu_free_programs(rt_gpu *gpu);
+
+RT_API void rt_gpu_close(rt_gpu *gpu)
+{
+    if (!gpu) return;
+    if (gpu->queue) gpu->cl.Finish(gpu->queue);
+    while (gpu->objects) rti_gpu_drop(gpu->objects);
+    rti_gpu_free_programs(gpu);
+    if (gpu->queue) gpu->cl.ReleaseCommandQueue(gpu->queue);
+    if (gpu->context) gpu->cl.ReleaseContext(gpu->context);
+    rti_release(gpu->flags, gpu->memory_user);
+    rti_release(gpu->log, gpu->memory_user);
+    rti_release(gpu, gpu->memory_user);
+}
+
+RT_API void rt_gpu_get_info(const rt_gpu *gpu, rt_gpu_info *info) { *info = gpu->info; }
+RT_API const char *rt_gpu_log(const rt_gpu *gpu) { return gpu->log ? gpu->log : ""; }
+
+RT_API size_t rt_gpu_program_count(const rt_gpu *gpu) { return gpu->program_count; }
+
+/* size bytes of the host for an object, which takes bytes of the device. */
+static rt_status rti_gpu_make(rt_gpu *gpu, size_t size, size_t bytes, rti_cl_ulong kind, rti_gpu_object **out, const char *what, rt_error *error)
+{
+    rti_gpu_object *object;
+    rti_cl_int code = RTI_CL_SUCCESS;
+    *out = NULL;
+    if (bytes > gpu->info.largest || bytes > gpu->memory_limit - gpu->used)
+        return rti_fail(error, RT_ERROR_MEMORY, RT_NONE, "%s of %.1f MB: the device has %.1f MB left, at most %.1f MB in one piece", what, 1e-6 * (double)bytes,
+                        1e-6 * (double)(gpu->memory_limit - gpu->used), 1e-6 * (double)gpu->info.largest);
+    object = (rti_gpu_object *)rti_alloc(1, size, gpu->memory_user);
+    if (!object) return rti_fail(error, RT_ERROR_MEMORY, RT_NONE, "no memory for %s", what);
+    memset(object, 0, size);
+    if (bytes) {
+        object->mem = gpu->cl.CreateBuffer(gpu->context, kind, bytes, NULL, &code);
+        if (!object->mem || code != RTI_CL_SUCCESS) {
+            rti_release(object, gpu->memory_user);
+            return rti_cl_fail(error, code, what);
+        }
+    }
+    object->gpu = gpu;
+    object->bytes = bytes;
+    object->next = gpu->objects;
+    object->link = &gpu->objects;
+    if (object->next) object->next->link = &object->next;
+    gpu->objects = object;
+    gpu->used += bytes;
+    *out = object;
+    return RT_OK;
+}
+
+RT_API rt_status rt_gpu_buffer_new(rt_gpu *gpu, rt_gpu_buffer **out, size_t size, rt_error *error)
+{
+    rti_gpu_object *object;
+    rt_status status;
+    if (!gpu || !out) return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", gpu ? "out" : "gpu");
+    *out = NULL;
+    if (!size) return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "a buffer of no bytes");
+    status = rti_gpu_make(gpu, sizeof **out, size, RTI_CL_READ_WRITE, &object, "a buffer", error);
+    *out = (rt_gpu_buffer *)(void *)object;
+    return status;
+}
+
+RT_API void rt_gpu_buffer_free(rt_gpu_buffer *buffer)
+{
+    if (buffer) rti_gpu_drop(&buffer->object);
+}
+
+static rt_status rti_gpu_range(const rt_gpu_buffer *buffer, size_t offset, const void *memory, size_t size, rt_error *error)
+{
+    if (!buffer || (!memory && size)) return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", buffer ? "memory" : "buffer");
+    if (offset > buffer->object.bytes || size > buffer->object.bytes - offset)
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "bytes %lu to %lu of a buffer of %lu", (unsigned long)offset,
+                        (unsigned long)(offset + size), (unsigned long)buffer->object.bytes);
+    return RT_OK;
+}
+
+RT_API rt_status rt_gpu_write(rt_gpu_buffer *buffer, size_t offset, const void *from, size_t size, rt_error *error)
+{
+    rti_cl_int code;
+    rt_status status = rti_gpu_range(buffer, offset, from, size, error);
+    if (status != RT_OK || !size) return status;
+    code = buffer->object.gpu->cl.EnqueueWriteBuffer(buffer->object.gpu->queue, buffer->object.mem, 1, offset, size, from, 0, NULL, NULL);
+    return code == RTI_CL_SUCCESS ? RT_OK : rti_cl_fail(error, code, "writing a buffer");
+}
+
+RT_API rt_status rt_gpu_read(rt_gpu_buffer *buffer, size_t offset, void *to, size_t size, rt_error *error)
+{
+    rti_cl_int code;
+    rt_status status = rti_gpu_range(buffer, offset, to, size, error);
+    if (status != RT_OK || !size) return status;
+    code = buffer->object.gpu->cl.EnqueueReadBuffer(buffer->object.gpu->queue, buffer->object.mem, 1, offset, size, to, 0, NULL, NULL);
+    return code == RTI_CL_SUCCESS ? RT_OK : rti_cl_fail(error, code, "reading a buffer");
+}
+
+/* ---- >>gpu-upload --------------------------------------------------------------------------------------------------- */
+
+#define RTI_GPU_ALIGN 64u                   /* bytes: where arrays of an accel begin, a line of caches */
+
+/* rt.h's own RTI_SHARED and RTI_IN are done with: from here on they serve the parts of both files. */
+#undef RTI_IN
+#define RTI_IN(part) (RTI_TEXT == RTI_TEXT_##part)
+#define RTI_TEXT_HOST       0
+#define RTI_TEXT_LAYOUT     1
+#define RTI_TEXT_TYPES      2
+#define RTI_TEXT_BASE       3
+#define RTI_TEXT_DEVICE     4
+#define RTI_TEXT_LANE       5
+#define RTI_TEXT_LANES      6
+#define RTI_TEXT_EITHER     7
+#define RTI_TEXT_PASS       8
+#define RTI_TEXT_KD         9
+#define RTI_TEXT_THREADED   10
+#define RTI_TEXT_INSTANCES  11
+#define RTI_TEXT_LEAF       12
+#define RTI_TEXT_BVH        13
+#define RTI_TEXT_WIDE       14
+#define RTI_TEXT_KD_LEAF    15
+#define RTI_TEXT_KD_STACK   16
+#define RTI_TEXT_KD_RESTART 17
+#define RTI_TEXT_THREADED_BODY 18
+#define RTI_TEXT_WALK       19
+#define RTI_TEXT_TRACE      20
+
+#define RTI_TEXT RTI_TEXT_LAYOUT            /* as C */
+#include RT_GPU_KERNELS
+#undef RTI_TEXT
+
+/* What is true of any accel of one level of nesting. */
+typedef struct {
+    uint32_t structures, kinds, bounds;     /* bits by rt_structure, RTI_TRIANGLE and so on, rt_bounds */
+    uint32_t planes, moves;                 /* 1: has some */
+    uint32_t depth, wide_depth;             /* of the deepest tree */
+} rti_gpu_level;
+
+struct rt_gpu_accel {
+    rti_gpu_object object;                  /* records, then the arrays that they tell of */
+    rti_gpu_level levels[RT_MAX_NESTING + 1];
+    int level_count;
+    rt_structure structure;
+    bool links;                             /* of a k-d tree */
+};
+
+/* Arrays of an accel on the device. */
+typedef enum {
+    RTI_GPU_NODES, RTI_GPU_KDNODES, RTI_GPU_KDLINKS, RTI_GPU_KDSLOTS, RTI_GPU_LINKS, RTI_GPU_TRIANGLES, RTI_GPU_BALLS, RTI_GPU_PLANES,
+    RTI_GPU_INSTANCES, RTI_GPU_WIDE, RTI_GPU_ARRAYS
+} rti_gpu_array;
+
+/* An accel on its way to the device. */
+typedef struct {
+    const rt_accel *accel;
+    size_t bytes[RTI_GPU_ARRAYS];
+    uint32_t at[RTI_GPU_ARRAYS];            /* in units of RTI_GPU_ALIGN */
+    uint32_t level;                         /* that it was last seen at, plus 1 */
+    uint32_t wide_depth;
+} rti_gpu_part;
+
+typedef struct {
+    rt_gpu *gpu;
+    rti_gpu_part *parts;
+    size_t count, space;
+    uint32_t *table;                        /* of parts by their accel, plus 1; 0: empty */
+    size_t table_size;                      /* a power of 2, more than twice the count */
+} rti_gpu_upload;
+
+static size_t rti_gpu_place(const rti_gpu_upload *u, const rt_accel *accel)
+{
+    size_t at = (size_t)((uintptr_t)accel / sizeof(void *) * 0x9e3779b97f4a7c15u >> 20) & (u->table_size - 1);
+    while (u->table[at] && u->parts[u->table[at] - 1].accel != accel) at = (at + 1) & (u->table_size - 1);
+    return at;
+}
+
+static bool rti_gpu_grow(rti_gpu_upload *u)
+{
+    void *const user = u->gpu->memory_user;
+    const size_t space = u->space ? 2 * u->space : 16;
+    rti_gpu_part *parts = (rti_gpu_part *)rti_alloc(space, sizeof *parts, user);
+    uint32_t *table = (uint32_t *)rti_alloc(4 * space, sizeof *table, user);
+    size_t i;
+    if (!parts || !table) {
+        rti_release(parts, user);
+        rti_release(table, user);
+        return false;
+    }
+    if (u->count) memcpy(parts, u->parts, u->count * sizeof *parts);
+    memset(table, 0, 4 * space * sizeof *table);
+    rti_release(u->parts, user);
+    rti_release(u->table, user);
+    u->parts = parts;
+    u->space = space;
+    u->table = table;
+    u->table_size = 4 * space;
+    for (i = 0; i < u->count; i++) table[rti_gpu_place(u, parts[i].accel)] = (uint32_t)i + 1;
+    return true;
+}
+
+/* The number of an accel, which is added where it is new; false: no memory. */
+static bool rti_gpu_add(rti_gpu_upload *u, const rt_accel *accel, uint32_t *number)
+{
+    size_t at;
+    if (u->count == u->space && !rti_gpu_grow(u)) return false;
+    at = rti_gpu_place(u, accel);
+    if (!u->table[at]) {
+        memset(&u->parts[u->count], 0, sizeof *u->parts);
+        u->parts[u->count].accel = accel;
+        u->table[at] = (uint32_t)++u->count;
+    }
+    *number = u->table[at] - 1;
+    return true;
+}
+
+/* All accels below, each once. */
+static bool rti_gpu_collect(rti_gpu_upload *u, const rt_accel *root)
+{
+    uint32_t number;
+    bool good = rti_gpu_add(u, root, &number);
+#if RTI_INSTANCES
+    size_t done, i;
+    for (done = 0; good && done < u->count; done++) {
+        const rt_accel *accel = u->parts[done].accel;
+        for (i = 0; good && i < accel->slots[RTI_INSTANCE]; i++) good = rti_gpu_add(u, accel->instances[i].accel, &number);
+    }
+#endif
+    return good;
+}
+
+/* ---- wide nodes */
+
+/* The children of a wide node: of the binary tree's, the inner one with the largest surface gives way to its own two until there are 8. */
+static int rti_gpu_open_children(const rt_accel *accel, uint32_t root, uint32_t children[8])
+{
+    const rti_node *nodes = accel->nodes;
+    int n = 1, i;
+    children[0] = root;
+    while (n < 8) {
+        double most = -1;
+        int best = -1;
+        for (i = 0; i < n; i++) {
+            const rti_node *node = &nodes[children[i]];
+            rti_box box;
+            double area;
+            if (node->count) continue;
+            memcpy(box.lo, node->bounds, 3 * sizeof(float));
+            memcpy(box.hi, node->bounds + 3, 3 * sizeof(float));
+            area = rti_half_area(&box);
+            if (area > most) {
+                most = area;
+                best = i;
+            }
+        }
+        if (best < 0) break;
+        children[n++] = nodes[children[best]].index + 1;
+        children[best] = nodes[children[best]].index;
+    }
+    return n;
+}
+
+/* Planes that a device finds at origin + step * q, never inside of [lo, hi]; false: the step is too small. */
+static bool rti_gpu_quantize(float origin, float step, float lo, float hi, uint8_t *lower, uint8_t *upper)
+{
+    double a = floor(((double)lo - (double)origin) / (double)step), b = ceil(((double)hi - (double)origin) / (double)step);
+    if (a > 255) a = 255;
+    if (!(a >= 0) || !(b <= 255)) return false;
+    while (a > 0 && origin + step * (float)a > lo) a--;
+    while (b <= 255 && origin + step * (float)b < hi) b++;
+    if (b > 255) return false;
+    *lower = (uint8_t)a;
+    *upper = (uint8_t)b;
+    return true;
+}
+
+static void rti_gpu_compress(const rti_gpu_wide *from, int count, rti_gpu_compact *to)
+{
+    int i, k;
+    memset(to, 0, sizeof *to);
+    for (i = 0; i < 8; i++) {
+        to->index[i] = from->index[i];
+        to->count[i] = from->count[i];
+        if (i >= count) to->none |= (uint8_t)(1 << i);
+    }
+    for (k = 0; k < 3; k++) {
+        float low = from->bounds[k][0], high = from->bounds[3 + k][0];
+        int exponent;
+        for (i = 1; i < count; i++) {
+            if (from->bounds[k][i] < low) low = from->bounds[k][i];
+            if (from->bounds[3 + k][i] > high) high = from->bounds[3 + k][i];
+        }
+        (void)frexp(((double)high - (double)low) / 255, &exponent);
+        if (exponent < -126) exponent = -126;
+        for (;; exponent++) {
+            const float step = (float)ldexp(1, exponent);
+            for (i = 0; i < count; i++)
+                if (!rti_gpu_quantize(low, step, from->bounds[k][i], from->bounds[3 + k][i], &to->bounds[k][i], &to->bounds[3 + k][i])) break;
+            if (i == count) break;
+        }
+        to->origin[k] = low;
+        to->exponent[k] = (signed char)exponent;
+    }
+}
+
+/* Collapses the binary tree; answers how many nodes there are, which are written unless to is NULL: a child's number is above its parent's. */
+static bool rti_gpu_widen(rt_gpu *gpu, const rt_accel *accel, void *to, size_t *count, uint32_t *depth)
+{
+    /* of each wide node: the binary node it stands for, and its depth; those to come wait behind it */
+    typedef struct { uint32_t node, depth; } waiting;
+    const size_t most = accel->node_count;
+    waiting *queue = (waiting *)rti_alloc(most, sizeof *queue, gpu->memory_user);
+    size_t done, n = 1;
+    if (!queue) return false;
+    *depth = 0;
+    queue[0].node = queue[0].depth = 0;
+    for (done = 0; done < n; done++) {
+        uint32_t children[8];
+        const int number = rti_gpu_open_children(accel, queue[done].node, children);
+        rti_gpu_wide wide;
+        int i, k;
+        if (queue[done].depth > *depth) *depth = queue[done].depth;
+        for (i = 0; i < 8; i++) {
+            const rti_node *node = i < number ? &accel->nodes[children[i]] : NULL;
+            for (k = 0; k < 6; k++) wide.bounds[k][i] = node ? node->bounds[k] : k < 3 ? RTI_INFINITY : -RTI_INFINITY;
+            wide.index[i] = node ? node->index : 0;
+            wide.count[i] = node ? node->count : 0;
+            if (!node || node->count) continue;
+            wide.index[i] = (uint32_t)n;
+            queue[n].node = children[i];
+            queue[n++].depth = queue[done].depth + 1;
+        }
+        if (to && gpu->info.gpu) rti_gpu_compress(&wide, number, (rti_gpu_compact *)to + done);
+        else if (to) ((rti_gpu_wide *)to)[done] = wide;
+    }
+    *count = n;
+    rti_release(queue, gpu->memory_user);
+    return true;
+}
+
+/* ---- arrays */
+
+static bool rti_gpu_measure(rt_gpu *gpu, rti_gpu_part *part)
+{
+    const rt_accel *a = part->accel;
+    size_t *bytes = part->bytes, wide;
+    if (a->structure != RT_KDTREE) bytes[RTI_GPU_NODES] = a->node_count * sizeof(rti_node);
+#if RTI_KDTREE
+    if (a->structure == RT_KDTREE) {
+        bytes[RTI_GPU_KDNODES] = a->node_count * sizeof(rti_kdnode);
+        if (a->kdlinks) bytes[RTI_GPU_KDLINKS] = a->node_count / 2 * sizeof(rti_kdlink);
+        bytes[RTI_GPU_KDSLOTS] = a->kdslot_count * sizeof(uint32_t);
+    }
+#endif
+#if RTI_THREADED
+    if (a->structure == RT_THREADED) bytes[RTI_GPU_LINKS] = (size_t)a->orders * a->node_count * sizeof(rti_link);
+#endif
+    bytes[RTI_GPU_TRIANGLES] = a->slots[RTI_TRIANGLE] * sizeof(rti_triangle);
+    bytes[RTI_GPU_BALLS] = a->slots[RTI_SPHERE] * sizeof(rti_ball);
+#if RTI_INSTANCES
+    bytes[RTI_GPU_INSTANCES] = a->slots[RTI_INSTANCE] * sizeof(rti_gpu_instance);
+#endif
+#if RTI_PLANES
+    bytes[RTI_GPU_PLANES] = a->plane_count * sizeof(rti_ground);
+#endif
+    if (a->structure == RT_BVH && a->node_count) {
+        if (!rti_gpu_widen(gpu, a, NULL, &wide, &part->wide_depth)) return false;
+        bytes[RTI_GPU_WIDE] = wide * (gpu->info.gpu ? sizeof(rti_gpu_compact) : sizeof(rti_gpu_wide));
+    }
+    return true;
+}
+
+/* What an accel's array is, as it stands; NULL: it has to be put together, by rti_gpu_convert. */
+static const void *rti_gpu_raw(const rt_accel *a, rti_gpu_array array)
+{
+    switch (array) {
+    case RTI_GPU_NODES: return a->nodes;
+#if RTI_KDTREE
+    case RTI_GPU_KDNODES: return a->kdnodes;
+    case RTI_GPU_KDLINKS: return a->kdlinks;
+    case RTI_GPU_KDSLOTS: return a->kdslots;
+#endif
+#if RTI_THREADED
+    case RTI_GPU_LINKS: return a->links;
+#endif
+    case RTI_GPU_TRIANGLES: return a->triangles;
+#if RTI_SPHERES
+    case RTI_GPU_BALLS: return a->balls;
+#endif
+#if RTI_PLANES
+    case RTI_GPU_PLANES: return a->planes;
+#endif
+    default: return NULL;
+    }
+}
+
+static bool rti_gpu_convert(rti_gpu_upload *u, const rti_gpu_part *part, rti_gpu_array array, void *to)
+{
+    const rt_accel *a = part->accel;
+    size_t i, count;
+    uint32_t depth;
+    if (array == RTI_GPU_WIDE) return rti_gpu_widen(u->gpu, a, to, &count, &depth);
+    if (array == RTI_GPU_TRIANGLES)
+        for (i = 0; i < a->slots[RTI_TRIANGLE]; i++) {
+            rti_triangle *triangle = (rti_triangle *)to + i;
+            (void)rti_fetch_triangle(&a->geo, triangle->prim = a->triangle_ids[i], triangle->v);
+        }
+#if RTI_SPHERES
+    if (array == RTI_GPU_BALLS)
+        for (i = 0; i < a->slots[RTI_SPHERE]; i++) ((rti_ball *)to)[i] = rti_ball_at(a, (uint32_t)i);
+#endif
+#if RTI_INSTANCES
+    if (array == RTI_GPU_INSTANCES)
+        for (i = 0; i < a->slots[RTI_INSTANCE]; i++) {
+            const rti_instance *in = &a->instances[i];
+            rti_gpu_instance *out = (rti_gpu_instance *)to + i;
+            memset(out, 0, sizeof *out);
+            memcpy(out->transform, in->transform, sizeof out->transform);
+            memcpy(out->inverse, in->inverse, sizeof out->inverse);
+            out->accel = u->table[rti_gpu_place(u, in->accel)] - 1;
+            out->prim = in->prim;
+            out->base = in->base;
+            out->moves = in->moves;
+            if (in->moves) out->motion = in->motion;
+        }
+#endif
+    return true;
+}
+
+static void rti_gpu_record_of(const rti_gpu_part *part, rti_gpu_record *r)
+{
+    const rt_accel *a = part->accel;
+    int k;
+    memset(r, 0, sizeof *r);
+    r->structure = (uint32_t)a->structure;
+    r->node_count = (uint32_t)a->node_count;
+#if RTI_PLANES
+    r->plane_count = (uint32_t)a->plane_count;
+#endif
+#if RTI_THREADED
+    r->bounds = (uint32_t)a->bounds;
+    r->orders = (uint32_t)a->orders;
+#endif
+#if RTI_INSTANCES
+    r->moves = a->moves;
+#endif
+    for (k = 0; k < 3; k++) {
+#if RTI_THREADED
+        r->order_axes[k] = (uint32_t)a->order_axes[k];
+#endif
+        r->slots[k] = (uint32_t)a->slots[k];
+        r->lower[k] = a->lower[k];
+        r->upper[k] = a->upper[k];
+    }
+    r->extent = a->extent;
+    r->spread = a->spread;
+    r->nodes = part->at[RTI_GPU_NODES];
+    r->kdnodes = part->at[RTI_GPU_KDNODES];
+    r->kdlinks = part->at[RTI_GPU_KDLINKS];
+    r->kdslots = part->at[RTI_GPU_KDSLOTS];
+    r->links = part->at[RTI_GPU_LINKS];
+    r->triangles = part->at[RTI_GPU_TRIANGLES];
+    r->balls = part->at[RTI_GPU_BALLS];
+    r->planes = part->at[RTI_GPU_PLANES];
+    r->instances = part->at[RTI_GPU_INSTANCES];
+    r->wide = part->at[RTI_GPU_WIDE];
+}
+
+static void rti_gpu_note_level(rti_gpu_level *level, const rti_gpu_part *part)
+{
+    const rt_accel *a = part->accel;
+    int k;
+    if (a->node_count) level->structures |= 1u << a->structure;
+    for (k = 0; k < RTI_KINDS; k++)
+        if (a->slots[k]) level->kinds |= 1u << k;
+#if RTI_THREADED
+    if (a->structure == RT_THREADED) level->bounds |= 1u << a->bounds;
+#endif
+#if RTI_PLANES
+    if (a->plane_count) level->planes = 1;
+#endif
+#if RTI_INSTANCES
+    if (a->moves) level->moves = 1;
+#endif
+    if ((uint32_t)a->depth > level->depth) level->depth = (uint32_t)a->depth;
+    if (part->wide_depth > level->wide_depth) level->wide_depth = part->wide_depth;
+}
+
+/* Which accels are how far down: an accel may be at several levels. */
+static bool rti_gpu_note_levels(rti_gpu_upload *u, rt_gpu_accel *there)
+{
+    void *const user = u->gpu->memory_user;
+    uint32_t *list = (uint32_t *)rti_alloc(2 * u->count, sizeof *list, user), *now = list, *next;
+    size_t n = 1, more, i;
+    if (!list) return false;
+    next = list + u->count;
+    now[0] = 0;
+    for (there->level_count = 0; n; there->level_count++) {
+        more = 0;
+        for (i = 0; i < n; i++) {
+            const rt_accel *a = u->parts[now[i]].accel;
+            rti_gpu_note_level(&there->levels[there->level_count], &u->parts[now[i]]);
+#if RTI_INSTANCES
+            {
+                size_t j;
+                for (j = 0; j < a->slots[RTI_INSTANCE]; j++) {
+                    const uint32_t child = u->table[rti_gpu_place(u, a->instances[j].accel)] - 1;
+                    if (u->parts[child].level == (uint32_t)there->level_count + 1) continue;
+                    u->parts[child].level = (uint32_t)there->level_count + 1;
+                    next[more++] = child;
+                }
+            }
+#else
+            (void)a;
+#endif
+        }
+        n = more;
+        now = next;
+        next = now == list ? list + u->count : list;
+    }
+    rti_release(list, user);
+    return true;
+}
+
+static rt_status rti_gpu_send(rti_gpu_upload *u, rt_gpu_accel *there, size_t at, const void *from, size_t bytes, rt_error *error)
+{
+    const rti_cl_int code = u->gpu->cl.EnqueueWriteBuffer(u->gpu->queue, there->object.mem, 1, at, bytes, from, 0, NULL, NULL);
+    return code == RTI_CL_SUCCESS ? RT_OK : rti_cl_fail(error, code, "copying an accel");
+}
+
+static rt_status rti_gpu_send_parts(rti_gpu_upload *u, rt_gpu_accel *there, rt_error *error)
+{
+    void *const user = u->gpu->memory_user;
+    rti_gpu_record *records = (rti_gpu_record *)rti_alloc(u->count, sizeof *records, user);
+    rt_status status = records ? RT_OK : RT_ERROR_MEMORY;
+    size_t i;
+    int array;
+    for (i = 0; i < u->count && status == RT_OK; i++) {
+        const rti_gpu_part *part = &u->parts[i];
+        rti_gpu_record_of(part, &records[i]);
+        for (array = 0; array < RTI_GPU_ARRAYS && status == RT_OK; array++) {
+            const void *from = rti_gpu_raw(part->accel, (rti_gpu_array)array);
+            const size_t at = (size_t)part->at[array] * RTI_GPU_ALIGN, bytes = part->bytes[array];
+            void *copy = NULL;
+            if (!bytes) continue;
+            if (!from) {
+                from = copy = rti_alloc(bytes, 1, user);
+                if (!copy || !rti_gpu_convert(u, part, (rti_gpu_array)array, copy)) status = RT_ERROR_MEMORY;
+            }
+            if (status == RT_OK) status = rti_gpu_send(u, there, at, from, bytes, error);
+            else (void)rti_fail(error, status, RT_NONE, "no memory to copy an accel");
+            rti_release(copy, user);
+        }
+    }
+    if (!records) (void)rti_fail(error, status, RT_NONE, "no memory to copy an accel");
+    else if (status == RT_OK) status = rti_gpu_send(u, there, 0, records, u->count * sizeof *records, error);
+    rti_release(records, user);
+    return status;
+}
+
+RT_API rt_status rt_gpu_upload(rt_gpu *gpu, rt_gpu_accel **out, const rt_accel *accel, rt_error *error)
+{
+    rti_gpu_upload u;
+    rti_gpu_object *object = NULL;
+    rt_status status = RT_OK;
+    uint64_t units;
+    size_t i;
+    int array;
+    bool good;
+    if (!gpu || !out || !accel) return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", !gpu ? "gpu" : out ? "accel" : "out");
+    *out = NULL;
+    memset(&u, 0, sizeof u);
+    u.gpu = gpu;
+    good = rti_gpu_collect(&u, accel);
+    units = (u.count * sizeof(rti_gpu_record) + RTI_GPU_ALIGN - 1) / RTI_GPU_ALIGN;
+    for (i = 0; i < u.count && good; i++) {
+        good = rti_gpu_measure(gpu, &u.parts[i]);
+        for (array = 0; array < RTI_GPU_ARRAYS && good; array++) {
+            if (u.parts[i].bytes[array]) u.parts[i].at[array] = (uint32_t)units;
+            units += (u.parts[i].bytes[array] + RTI_GPU_ALIGN - 1) / RTI_GPU_ALIGN;
+        }
+    }
+    if (!good) status = rti_fail(error, RT_ERROR_MEMORY, RT_NONE, "no memory to copy an accel");
+    else if (units > 0xffffffffu) status = rti_fail(error, RT_ERROR_LIMIT, RT_NONE, "accels of more than 256 GB together");
+    else status = rti_gpu_make(gpu, sizeof **out, (size_t)units * RTI_GPU_ALIGN, RTI_CL_READ_ONLY, &object, "an accel", error);
+    if (status == RT_OK) {
+        rt_gpu_accel *there = (rt_gpu_accel *)(void *)object;
+        there->structure = accel->structure;
+        there->links = rti_has_links(accel);
+        if (!rti_gpu_note_levels(&u, there)) status = rti_fail(error, RT_ERROR_MEMORY, RT_NONE, "no memory to copy an accel");
+        else status = rti_gpu_send_parts(&u, there, error);
+        if (status == RT_OK) *out = there;
+        else rti_gpu_drop(object);
+    }
+    rti_release(u.parts, gpu->memory_user);
+    rti_release(u.table, gpu->memory_user);
+    return status;
+}
+
+RT_API void rt_gpu_free(rt_gpu_accel *accel)
+{
+    if (accel) rti_gpu_drop(&accel->object);
+}
+
+RT_API size_t rt_gpu_bytes(const rt_gpu_accel *accel) { return accel->object.bytes; }
+
+/* ---- >>gpu-text ----------------------------------------------------------------------------------------------------- */
+
+#undef RTI_SHARED
+#define RTI_GPU_STRING(x) #x
+#define RTI_GPU_LINE(n) "\n#line " RTI_GPU_STRING(n) "\n"
+#define RTI_SHARED(...) RTI_GPU_LINE(__LINE__) #__VA_ARGS__ "\n",
+
+/* What programs are put together from; a NULL ends each part, and they stand in the order of their numbers. */
+static const char *const rti_gpu_texts[] = {
+    NULL, NULL,                             /* HOST, LAYOUT follows TYPES */
+#define RTI_TEXT RTI_TEXT_TYPES
+#include RT_GPU_KERNELS
+#undef RTI_TEXT
+#define RTI_TEXT RTI_TEXT_LAYOUT
+#include RT_GPU_KERNELS
+#undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_BASE
+#include RT_SELF
+#undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_DEVICE
+#include RT_GPU_KERNELS
+#undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_LANE
+#include RT_GPU_KERNELS
+#undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_LANES
+#include RT_GPU_KERNELS
+#undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_EITHER
+#include RT_GPU_KERNELS
+#undef RTI_TEXT
+    "", NULL,
+#define RTI_PASS
+#define RTI_TEXT RTI_TEXT_PASS
+#include RT_SELF
+#undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_KD
+#include RT_SELF
+#undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_THREADED
+#include RT_SELF
+#undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_INSTANCES
+#include RT_SELF
+#undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_LEAF
+#include RT_SELF
+#undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_BVH
+#include RT_SELF
+#undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_WIDE
+#include RT_GPU_KERNELS
+#undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_KD_LEAF
+#include RT_SELF
+#undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_KD_STACK
+#include RT_SELF
+#undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_KD_RESTART
+#include RT_SELF
+#undef RTI_TEXT
+    "", NULL,
+#undef RTI_PASS
+#define RTI_TEXT RTI_TEXT_THREADED_BODY
+#include RT_GPU_KERNELS
+#undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_WALK
+#include RT_GPU_KERNELS
+#undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_TRACE
+#include RT_GPU_KERNELS
+#undef RTI_TEXT
+    "", NULL
+};
+
+/* Text that grows; size 0 once memory has run out. */
+typedef struct { char *text; size_t length, size; void *user; } rti_gpu_source;
+
+static void rti_gpu_append(rti_gpu_source *s, const char *text)
+{
+    const size_t length = strlen(text);
+    if (!s->size) return;
+    if (s->length + length + 1 > s->size) {
+        const size_t size = 2 * (s->size + length);
+        char *more = (char *)rti_alloc(size, 1, s->user);
+        if (more) memcpy(more, s->text, s->length);
+        rti_release(s->text, s->user);
+        s->text = more;
+        s->size = more ? size : 0;
+        if (!more) return;
+    }
+    memcpy(s->text + s->length, text, length + 1);
+    s->length += length;
+}
+
+RTI_PRINTF(2, 3)
+static void rti_gpu_define(rti_gpu_source *s, const char *format, ...)
+{
+    char line[256];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(line, sizeof line, format, args);
+    va_end(args);
+    rti_gpu_append(s, "#define ");
+    rti_gpu_append(s, line);
+    rti_gpu_append(s, "\n");
+}
+
+static void rti_gpu_append_part(rti_gpu_source *s, int part)
+{
+    size_t i = 0;
+    for (; part; i++)
+        if (!rti_gpu_texts[i]) part--;
+    for (; rti_gpu_texts[i]; i++) rti_gpu_append(s, rti_gpu_texts[i]);
+}
+
+/* ---- >>gpu-program -------------------------------------------------------------------------------------------------- */
+
+/* Which program: all that it is compiled for. Compared as bytes. */
+typedef struct {
+    uint32_t algorithm, query, width, entries, side, cull;
+    uint32_t level_count;
+    rti_gpu_level levels[RT_MAX_NESTING + 1];
+} rti_gpu_key;
+
+struct rti_gpu_program {
+    rti_gpu_program *next;
+    rti_gpu_key key;
+    rti_cl program, kernel;
+};
+
+/* Names that stand in a program once a level. */
+#define RTI_LEVEL_NAMES(X) X(rti_hit_instances) X(rti_hit_leaf) X(rti_hit_run) X(rti_walk_body) X(rti_wide_body) X(rti_kd_hit_leaf) \
+    X(rti_kd_stack_body) X(rti_kd_restart_body) X(rti_thread_body) X(rti_walk)
+
+/* Numbers of rt.h that shared text uses. */
+#define RTI_GPU_NUMBERS(X) X(RT_CLOSEST) X(RT_ANY) X(RT_BVH) X(RT_KDTREE) X(RT_THREADED) X(RT_KD_STACK) X(RT_KD_RESTART) X(RT_KD_BACKTRACK) \
+    X(RT_BOUNDS_SPHERES) X(RTI_TRIANGLE) X(RTI_SPHERE) X(RTI_INSTANCE) X(RTI_WALK_ANY) X(RTI_WALK_ALL) X(RTI_WALK_COUNT) X(RTI_WALK_ROUND) \
+    X(RTI_WALK_EITHER) X(RTI_WALK_LIKELY) X(RTI_KIND_SHIFT) X(RTI_MIXED) X(RTI_KD_PAIR) X(RTI_SEEN)
+#define RTI_GPU_BITS(X) X(RT_NONE) X(RTI_END) X(RTI_COUNT_MASK) X(RTI_LEAF) X(RTI_KD_LOWER_EMPTY) X(RTI_KD_UPPER_EMPTY) X(RTI_KD_EMPTY) \
+    X(RTI_GPU_ALIGN)
+#define RTI_GPU_FLOATS(X) X(RT_MAX_COORDINATE) X(RT_MIN_DIRECTION) X(RT_MAX_DIRECTION)
+
+static bool rti_gpu_is_large(uint32_t algorithm) { return algorithm >= RT_BVH_MASKED && algorithm <= RT_BVH_PARTITION; }
+
+/* All that holds for the whole program. */
+static void rti_gpu_define_all(rti_gpu_source *s, const rt_gpu *gpu, const rti_gpu_key *key)
+{
+    uint32_t i, lane;
+    bool moves = false;
+#define RTI_GPU_INT(name) rti_gpu_define(s, #name " %d", (int)(name));
+#define RTI_GPU_UINT(name) rti_gpu_define(s, #name " %uu", (unsigned)(name));
+#define RTI_GPU_FLOAT(name) rti_gpu_define(s, #name " %af", (double)(name));
+    RTI_GPU_NUMBERS(RTI_GPU_INT)
+    RTI_GPU_BITS(RTI_GPU_UINT)
+    RTI_GPU_FLOATS(RTI_GPU_FLOAT)
+    for (i = 0; i < key->level_count; i++) moves |= key->levels[i].moves != 0;
+    rti_gpu_define(s, "RTI_GPU %d", (int)gpu->info.gpu);
+    rti_gpu_define(s, "RTI_NOINLINE static%s", gpu->info.gpu ? "" : " __attribute__((noinline))");
+    rti_gpu_define(s, "RTI_WIDE_NODE %s", gpu->info.gpu ? "rti_gpu_compact" : "rti_gpu_wide");
+    rti_gpu_define(s, "RTI_QUERY %u", key->query);
+    rti_gpu_define(s, "RTI_ALGORITHM %u", key->algorithm);
+    rti_gpu_define(s, "RTI_ENTRIES %u", key->entries);
+    rti_gpu_define(s, "RTI_SHORT_STACK %u", key->entries ? key->entries : 1);
+    rti_gpu_define(s, "RTI_MOVES %d", (int)moves);
+    rti_gpu_define(s, "RTI_WIDTH %u", key->width);
+    rti_gpu_define(s, "RTI_ALL_LANES %uu", (1u << key->width) - 1);
+    rti_gpu_define(s, "RTI_VECTOR(name) name##%u", key->width);
+    rti_gpu_append(s, "#define RTI_LANE_BITS (RTI_VECTOR(int))(");
+    for (lane = 0; lane < key->width; lane++) {
+        char bit[16];
+        snprintf(bit, sizeof bit, lane ? ", %u" : "%u", 1u << lane);
+        rti_gpu_append(s, bit);
+    }
+    rti_gpu_append(s, ")\n");
+    rti_gpu_define(s, "RTI_KNOWN_SIDES(p) (RTI_WIDTH == 1 || (p)->uniform)");
+}
+
+/* A test that holds for all accels of a level, or for none, is not made. */
+static void rti_gpu_define_test(rti_gpu_source *s, const char *name, const char *field, uint32_t has, uint32_t wanted)
+{
+    const char *const test = !(has & 1u << wanted) ? "false" : has == 1u << wanted ? "true" : NULL;
+    if (test) rti_gpu_define(s, "%s(accel) %s", name, test);
+    else rti_gpu_define(s, "%s(accel) ((accel)->%s == %u)", name, field, wanted);
+}
+
+/* What an accel of level i does, its instances calling the level below, which stands before it. */
+static void rti_gpu_append_level(rti_gpu_source *s, const rti_gpu_key *key, uint32_t i)
+{
+    static const char *const names[] = {
+#define RTI_GPU_NAME(name) #name,
+        RTI_LEVEL_NAMES(RTI_GPU_NAME)
+        "rti_walk_child", "rti_walk_bvh", "rti_hit_spheres", "RTI_STACK", "RTI_WALK_FLAGS", "RTI_HAS_PLANES", "RTI_IS_KDTREE", "RTI_IS_THREADED", "RTI_IS_ROUND"
+    };
+    const rti_gpu_level *level = &key->levels[i];
+    const bool wide = key->algorithm == RT_BVH_WIDE, bvh = (level->structures & 1u << RT_BVH) != 0;
+    const bool kd = (level->structures & 1u << RT_KDTREE) != 0, threaded = (level->structures & 1u << RT_THREADED) != 0;
+    const bool stack = key->algorithm == RT_KD_STACK || key->algorithm == RT_KD_BACKTRACK, restart = key->algorithm != RT_KD_STACK;
+    const bool instances = i + 1 < key->level_count;
+    const uint32_t all = level->kinds & ~(1u << RTI_TRIANGLE) ? RTI_WALK_ALL : 0, any = key->query == RT_ANY ? RTI_WALK_ANY : 0;
+    uint32_t depth = level->depth > 0 ? level->depth : 1;
+    size_t n;
+    for (n = 0; n < sizeof names / sizeof names[0]; n++) {
+        rti_gpu_append(s, "#undef ");
+        rti_gpu_append(s, names[n]);
+        rti_gpu_append(s, "\n");
+    }
+#define RTI_GPU_RENAME(name) rti_gpu_define(s, #name " " #name "_%u", i);
+#define RTI_GPU_GONE(name, arguments) { rti_gpu_append(s, "#undef " #name "\n"); rti_gpu_define(s, #name arguments " 0u"); }
+    RTI_LEVEL_NAMES(RTI_GPU_RENAME)
+    rti_gpu_define(s, "rti_walk_child rti_walk_%u", i + 1);
+    rti_gpu_define(s, "rti_walk_bvh %s_%u", wide ? "rti_wide_body" : "rti_walk_body", i);
+    if (wide && bvh && 7 * level->wide_depth + 8 > depth) depth = 7 * level->wide_depth + 8;
+    rti_gpu_define(s, "RTI_STACK %u", depth);
+    rti_gpu_define(s, "RTI_WALK_FLAGS %u", all | any);
+    rti_gpu_define(s, "RTI_HAS_PLANES %u", level->planes);
+    rti_gpu_define_test(s, "RTI_IS_KDTREE", "structure", level->structures, RT_KDTREE);
+    rti_gpu_define_test(s, "RTI_IS_THREADED", "structure", level->structures, RT_THREADED);
+    rti_gpu_define_test(s, "RTI_IS_ROUND", "bounds", level->bounds, RT_BOUNDS_SPHERES);
+    if (!(level->kinds & 1u << RTI_SPHERE)) RTI_GPU_GONE(rti_hit_spheres, "(a, b, c, d, e, f, g, h)")
+    if (!instances) RTI_GPU_GONE(rti_hit_instances, "(a, b, c, d, e, f, g, h)")
+    else rti_gpu_append_part(s, RTI_TEXT_INSTANCES);
+    rti_gpu_append_part(s, RTI_TEXT_LEAF);
+    if (!bvh) RTI_GPU_GONE(rti_walk_bvh, "(a, b, c, d, e, f)")
+    else rti_gpu_append_part(s, wide ? RTI_TEXT_WIDE : RTI_TEXT_BVH);
+    if (kd) rti_gpu_append_part(s, RTI_TEXT_KD_LEAF);
+    if (!kd || !stack) RTI_GPU_GONE(rti_kd_stack_body, "(a, b, c, d, e, f)")
+    else rti_gpu_append_part(s, RTI_TEXT_KD_STACK);
+    if (!kd || !restart) RTI_GPU_GONE(rti_kd_restart_body, "(a, b, c, d, e, f)")
+    else rti_gpu_append_part(s, RTI_TEXT_KD_RESTART);
+    if (!threaded) RTI_GPU_GONE(rti_thread_body, "(a, b, c, d, e, f)")
+    else rti_gpu_append_part(s, RTI_TEXT_THREADED_BODY);
+    rti_gpu_append_part(s, RTI_TEXT_WALK);
+}
+
+static void rti_gpu_write_program(rti_gpu_source *s, const rt_gpu *gpu, const rti_gpu_key *key)
+{
+    bool kd = false, threaded = false;
+    uint32_t i;
+    for (i = 0; i < key->level_count; i++) {
+        kd |= (key->levels[i].structures & 1u << RT_KDTREE) != 0;
+        threaded |= (key->levels[i].structures & 1u << RT_THREADED) != 0;
+    }
+    rti_gpu_define_all(s, gpu, key);
+    rti_gpu_append_part(s, RTI_TEXT_TYPES);
+    rti_gpu_append_part(s, RTI_TEXT_BASE);
+    rti_gpu_append_part(s, RTI_TEXT_DEVICE);
+    rti_gpu_append_part(s, key->width == 1 ? RTI_TEXT_LANE : RTI_TEXT_LANES);
+    rti_gpu_append_part(s, RTI_TEXT_EITHER);
+    rti_gpu_append_part(s, RTI_TEXT_PASS);
+    if (kd) rti_gpu_append_part(s, RTI_TEXT_KD);
+    if (threaded) rti_gpu_append_part(s, RTI_TEXT_THREADED);
+    for (i = key->level_count; i-- > 0;) rti_gpu_append_level(s, key, i);
+    rti_gpu_append_part(s, RTI_TEXT_TRACE);
+}
+
+/* The compiler's words to gpu->log, and the first of them that say error to the message. */
+static rt_status rti_gpu_refused(rt_gpu *gpu, rti_cl program, rti_cl_int code, rt_error *error)
+{
+    size_t size = 0;
+    const char *first;
+    rti_release(gpu->log, gpu->memory_user);
+    gpu->log = NULL;
+    if (code != RTI_CL_BUILD_FAILURE) return rti_cl_fail(error, code, "compiling a program");
+    if (gpu->cl.GetProgramBuildInfo(program, gpu->device, RTI_CL_BUILD_LOG, 0, NULL, &size) == RTI_CL_SUCCESS && size)
+        gpu->log = (char *)rti_alloc(size + 1, 1, gpu->memory_user);
+    if (!gpu->log || gpu->cl.GetProgramBuildInfo(program, gpu->device, RTI_CL_BUILD_LOG, size, gpu->log, NULL) != RTI_CL_SUCCESS)
+        return rti_fail(error, RT_ERROR_UNSUPPORTED, RT_NONE, "device %.64s cannot compile a program, and does not say why", gpu->info.name);
+    gpu->log[size] = 0;
+    first = strstr(gpu->log, "error");
+    if (!first) first = gpu->log;
+    return rti_fail(error, RT_ERROR_UNSUPPORTED, RT_NONE, "device %.64s cannot compile a program: %.*s", gpu->info.name, (int)strcspn(first, "\n"), first);
+}
+
+static rt_status rti_gpu_compile(rt_gpu *gpu, const rti_gpu_key *key, rti_gpu_program **out, rt_error *error)
+{
+    static const char flags[] = "-cl-std=CL1.2 -cl-fp32-correctly-rounded-divide-sqrt ";
+    const size_t length = sizeof flags + strlen(gpu->flags);
+    rti_gpu_program *program = (rti_gpu_program *)rti_alloc(1, sizeof *program, gpu->memory_user);
+    char *all = (char *)rti_alloc(length, 1, gpu->memory_user);
+    rti_gpu_source s;
+    rti_cl_int code = RTI_CL_SUCCESS;
+    rt_status status = RT_OK;
+    s.length = 0;
+    s.size = 1 << 16;
+    s.user = gpu->memory_user;
+    s.text = (char *)rti_alloc(s.size, 1, s.user);
+    if (!s.text) s.size = 0;
+    rti_gpu_write_program(&s, gpu, key);
+    if (!s.size || !program || !all) status = rti_fail(error, RT_ERROR_MEMORY, RT_NONE, "no memory for a program");
+    else {
+        const char *text = s.text;
+        snprintf(all, length, "%s%s", flags, gpu->flags);
+        memset(program, 0, sizeof *program);
+        program->key = *key;
+        program->program = gpu->cl.CreateProgramWithSource(gpu->context, 1, &text, &s.length, &code);
+        if (program->program) code = gpu->cl.BuildProgram(program->program, 1, &gpu->device, all, NULL, NULL);
+        if (program->program && code == RTI_CL_SUCCESS) program->kernel = gpu->cl.CreateKernel(program->program, "rt_gpu_trace", &code);
+        if (!program->kernel) {
+            status = rti_gpu_refused(gpu, program->program, code, error);
+            if (program->program) gpu->cl.ReleaseProgram(program->program);
+        }
+    }
+    rti_release(all, gpu->memory_user);
+    rti_release(s.text, s.user);
+    if (status != RT_OK) {
+        rti_release(program, gpu->memory_user);
+        return status;
+    }
+    program->next = gpu->programs;
+    gpu->programs = program;
+    gpu->program_count++;
+    *out = program;
+    return RT_OK;
+}
+
+static void rti_gpu_free_programs(rt_gpu *gpu)
+{
+    while (gpu->programs) {
+        rti_gpu_program *program = gpu->programs;
+        gpu->programs = program->next;
+        gpu->cl.ReleaseKernel(program->kernel);
+        gpu->cl.ReleaseProgram(program->program);
+        rti_release(program, gpu->memory_user);
+    }
+}
+
+/* Depths in steps, so that scenes alike share programs. */
+static uint32_t rti_gpu_round_depth(uint32_t depth, uint32_t step) { return (depth + step - 1) / step * step; }
+
+/* What the program must be able to do, or, where it may be general, what it may have to. */
+static void rti_gpu_set_levels(const rt_gpu *gpu, const rt_gpu_accel *accel, rti_gpu_key *key)
+{
+    int i;
+    key->level_count = (uint32_t)accel->level_count;
+    if (gpu->general && RTI_INSTANCES && key->level_count < 2) key->level_count = 2;
+    for (i = 0; i < (int)key->level_count; i++) {
+        rti_gpu_level *level = &key->levels[i];
+        *level = accel->levels[i];
+        level->depth = rti_gpu_round_depth(level->depth, 8);
+        level->wide_depth = rti_gpu_round_depth(level->wide_depth, 2);
+        if (!gpu->general) continue;
+        level->structures = i ? (1u << RT_BVH) | (RTI_KDTREE ? 1u << RT_KDTREE : 0) | (RTI_THREADED ? 1u << RT_THREADED : 0) : 1u << accel->structure;
+        level->kinds = 1u << RTI_TRIANGLE | (RTI_SPHERES ? 1u << RTI_SPHERE : 0) | (RTI_INSTANCES ? 1u << RTI_INSTANCE : 0);
+        level->bounds = RTI_THREADED ? 3 : 0;
+        level->planes = RTI_PLANES;
+        level->moves = RTI_INSTANCES;
+        level->depth = RTI_MAX_DEPTH;
+        level->wide_depth = 16 > level->wide_depth ? 16 : level->wide_depth;
+    }
+}
+
+/* ---- >>gpu-run ------------------------------------------------------------------------------------------------------ */
+
+/* Packet widths in the rt_trace_options sense that there are kernels for; the default first. */
+static const int *rti_gpu_width_list(rt_algorithm algorithm, size_t *n)
+{
+    static const int one[] = { 1 }, lanes[] = { 1, 2, 8, 16 }, sides[] = { 4, 8, 16, 32 }, rays[] = { 2, 4, 8, 16 };
+    *n = 4;
+    if (algorithm == RT_THREADED_PARALLEL) return rays;
+    if (rti_gpu_is_large((uint32_t)algorithm)) return sides;
+    if (algorithm == RT_BVH_SIMD || (algorithm >= RT_KD_STACK && algorithm < RT_KD_BACKTRACK)) return lanes;
+    *n = 1;
+    return one;
+}
+
+RT_API size_t rt_gpu_widths(rt_algorithm algorithm, int *widths, size_t max)
+{
+    size_t n, i;
+    const int *list;
+    if ((unsigned)algorithm >= RT_ALGORITHM_COUNT || algorithm == RT_AUTO) return 0;
+    list = rti_gpu_width_list(algorithm, &n);
+    for (i = 0; i < n && i < max; i++) widths[i] = list[i];
+    return n;
+}
+
+/* From options to the program that does it. */
+static rt_status rti_gpu_choose_program(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt, rti_gpu_program **out)
+{
+    rt_algorithm algorithm = opt->algorithm;
+    rti_gpu_program *program;
+    rti_gpu_key key;
+    const int *widths;
+    int width = opt->packet_width;
+    size_t n, i;
+    rt_status status;
+    if (!gpu || !accel) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", gpu ? "accel" : "gpu");
+    if (accel->object.gpu != gpu) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "accel belongs to another context");
+#if RTI_STATS
+    if (opt->stats) return rti_fail(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "kernels do not count: stats must be NULL");
+#endif
+    if ((status = rti_check_options(opt, accel->structure, accel->links)) != RT_OK) return status;
+    if (algorithm == RT_AUTO) {
+        if (accel->structure == RT_BVH) algorithm = gpu->info.gpu ? RT_BVH_WIDE : RT_BVH_SIMD;
+        else algorithm = accel->structure == RT_KDTREE ? RT_KD_STACK : RT_THREADED_SINGLE;
+        width = 0;
+    }
+    widths = rti_gpu_width_list(algorithm, &n);
+    if (!width) width = gpu->info.gpu && n > 1 && !rti_gpu_is_large((uint32_t)algorithm) ? widths[0] : n > 1 ? widths[2] : 1;
+    for (i = 0; i < n && widths[i] != width; i++) {}
+    if (i == n) return rti_no_width(opt, widths, n);
+    memset(&key, 0, sizeof key);
+    key.algorithm = (uint32_t)algorithm;
+    key.query = (uint32_t)opt->query;
+    key.width = (uint32_t)(width == 2 && algorithm != RT_THREADED_PARALLEL ? 4 : width);
+    if (rti_gpu_is_large((uint32_t)algorithm)) {
+        key.width = gpu->info.gpu ? 1 : 8;
+        key.side = (uint32_t)width;
+        key.cull = (uint32_t)opt->cull;
+    }
+    key.entries = algorithm != RT_KD_SHORTSTACK ? 0 : opt->short_stack ? (uint32_t)opt->short_stack : 3;
+    rti_gpu_set_levels(gpu, accel, &key);
+    for (program = gpu->programs; program && memcmp(&program->key, &key, sizeof key); program = program->next) {}
+    if (!program && (status = rti_gpu_compile(gpu, &key, &program, opt->error)) != RT_OK) return status;
+    *out = program;
+    return RT_OK;
+}
+
+RT_API rt_status rt_gpu_prepare(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt)
+{
+    rt_trace_options defaults;
+    rti_gpu_program *program;
+    memset(&defaults, 0, sizeof defaults);
+    return rti_gpu_choose_program(gpu, accel, opt ? opt : &defaults, &program);
+}
+
+static rt_status rti_gpu_launch(rt_gpu *gpu, const rti_gpu_program *program, const rt_gpu_accel *accel, const rti_cl buffers[3], size_t first,
+                                size_t count, rti_cl *event, rt_error *error)
+{
+    const uint64_t base = first, number = count;
+    const size_t items = (count + program->key.width - 1) / program->key.width, local = 64, global = (items + local - 1) / local * local;
+    rti_cl_int code = gpu->cl.SetKernelArg(program->kernel, 0, sizeof(rti_cl), &accel->object.mem);
+    int i;
+    for (i = 0; i < 3 && code == RTI_CL_SUCCESS; i++) code = gpu->cl.SetKernelArg(program->kernel, (rti_cl_uint)i + 1, sizeof(rti_cl), &buffers[i]);
+    if (code == RTI_CL_SUCCESS) code = gpu->cl.SetKernelArg(program->kernel, 4, sizeof base, &base);
+    if (code == RTI_CL_SUCCESS) code = gpu->cl.SetKernelArg(program->kernel, 5, sizeof number, &number);
+    if (code == RTI_CL_SUCCESS) code = gpu->cl.EnqueueNDRangeKernel(gpu->queue, program->kernel, 1, NULL, &global, &local, 0, NULL, event);
+    if (code == RTI_CL_SUCCESS) code = gpu->cl.Flush(gpu->queue);
+    return code == RTI_CL_SUCCESS ? RT_OK : rti_cl_fail(error, code, "tracing rays");
+}
+
+static rt_status rti_gpu_needs(const rt_gpu *gpu, const rt_gpu_buffer *buffer, size_t count, size_t size, const char *name, rt_error *error)
+{
+    if (!buffer) return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", name);
+    if (buffer->object.gpu != gpu) return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "%s belongs to another context", name);
+    if (count > buffer->object.bytes / size)
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "%s has %lu bytes; %lu rays need %lu each", name, (unsigned long)buffer->object.bytes,
+                        (unsigned long)count, (unsigned long)size);
+    return RT_OK;
+}
+
+RT_API rt_status rt_gpu_trace_buffers(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt, const rt_gpu_buffer *rays,
+                                      const rt_gpu_buffer *times, size_t count, rt_gpu_buffer *hits, rt_gpu_event **event)
+{
+    rt_trace_options defaults;
+    rti_gpu_object *object = NULL;
+    rti_gpu_program *program = NULL;
+    rti_cl buffers[3], done = NULL;
+    rt_status status;
+    memset(&defaults, 0, sizeof defaults);
+    if (!opt) opt = &defaults;
+    if (event) *event = NULL;
+    if ((status = rti_gpu_choose_program(gpu, accel, opt, &program)) != RT_OK) return status;
+    if (opt->times) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "opt->times is memory of the host: times must be a buffer");
+    if (!count) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "no rays");
+    if ((status = rti_gpu_needs(gpu, rays, count, sizeof(rt_ray), "rays", opt->error)) != RT_OK) return status;
+    if ((status = rti_gpu_needs(gpu, hits, count, sizeof(rt_hit), "hits", opt->error)) != RT_OK) return status;
+    if (times && (status = rti_gpu_needs(gpu, times, count, sizeof(float), "times", opt->error)) != RT_OK) return status;
+    if (event && (status = rti_gpu_make(gpu, sizeof **event, 0, 0, &object, "an event", opt->error)) != RT_OK) return status;
+    buffers[0] = rays->object.mem;
+    buffers[1] = hits->object.mem;
+    buffers[2] = times ? times->object.mem : NULL;
+    status = rti_gpu_launch(gpu, program, accel, buffers, 0, count, event ? &done : NULL, opt->error);
+    if (!event) return status;
+    if (status != RT_OK) {
+        rti_gpu_drop(object);
+        return status;
+    }
+    object->event = true;
+    object->mem = done;
+    *event = (rt_gpu_event *)(void *)object;
+    return RT_OK;
+}
+
+RT_API rt_status rt_gpu_wait(rt_gpu_event *event, double *seconds, rt_error *error)
+{
+    uint64_t start = 0, end = 0;
+    rti_cl_int code;
+    rt_gpu *gpu;
+    if (seconds) *seconds = 0;
+    if (!event) return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "event is NULL");
+    gpu = event->object.gpu;
+    code = gpu->cl.WaitForEvents(1, &event->object.mem);
+    if (code == RTI_CL_SUCCESS && seconds) {
+        code = gpu->cl.GetEventProfilingInfo(event->object.mem, RTI_CL_PROFILE_START, sizeof start, &start, NULL);
+        if (code == RTI_CL_SUCCESS) code = gpu->cl.GetEventProfilingInfo(event->object.mem, RTI_CL_PROFILE_END, sizeof end, &end, NULL);
+        if (code == RTI_CL_SUCCESS) *seconds = 1e-9 * (double)(end - start);
+    }
+    rti_gpu_drop(&event->object);
+    return code == RTI_CL_SUCCESS ? RT_OK : rti_cl_fail(error, code, "waiting for the device");
+}
+
+RT_API bool rt_gpu_done(const rt_gpu_event *event)
+{
+    rti_cl_int state = 1;
+    const rti_cl_int code = event->object.gpu->cl.GetEventInfo(event->object.mem, RTI_CL_EVENT_STATUS, sizeof state, &state, NULL);
+    return code != RTI_CL_SUCCESS || state <= 0;
+}
+
+RT_API rt_status rt_gpu_finish(rt_gpu *gpu, rt_error *error)
+{
+    rti_cl_int code;
+    if (!gpu) return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "gpu is NULL");
+    code = gpu->cl.Finish(gpu->queue);
+    return code == RTI_CL_SUCCESS ? RT_OK : rti_cl_fail(error, code, "waiting for the device");
+}
+
+#define RTI_GPU_BATCH ((size_t)1 << 20)     /* rays that are copied at a time */
+
+/* A buffer of its own for rt_gpu_trace, which only grows. */
+static rt_status rti_gpu_stage(rt_gpu *gpu, rt_gpu_buffer **buffer, size_t size, rt_error *error)
+{
+    if (*buffer && (*buffer)->object.bytes >= size) return RT_OK;
+    rt_gpu_buffer_free(*buffer);
+    *buffer = NULL;
+    return rt_gpu_buffer_new(gpu, buffer, size, error);
+}
+
+RT_API rt_status rt_gpu_trace(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt, const rt_ray *rays, size_t count,
+                              rt_hit *hits)
+{
+    rt_trace_options defaults;
+    rti_gpu_program *program = NULL;
+    size_t first, batch = count < RTI_GPU_BATCH ? count : RTI_GPU_BATCH;
+    rt_status status;
+    memset(&defaults, 0, sizeof defaults);
+    if (!opt) opt = &defaults;
+    if (count > SIZE_MAX / 2 / sizeof(rt_ray)) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "count is negative, or too large");
+    if (count && (!rays || !hits)) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", rays ? "hits" : "rays");
+    if ((status = rti_gpu_choose_program(gpu, accel, opt, &program)) != RT_OK || !count) return status;
+    if ((status = rti_gpu_stage(gpu, &gpu->rays, batch * sizeof *rays, opt->error)) != RT_OK) return status;
+    if ((status = rti_gpu_stage(gpu, &gpu->hits, batch * sizeof *hits, opt->error)) != RT_OK) return status;
+    if (opt->times && (status = rti_gpu_stage(gpu, &gpu->times, batch * sizeof(float), opt->error)) != RT_OK) return status;
+    for (first = 0; first < count && status == RT_OK; first += batch) {
+        const size_t n = count - first < batch ? count - first : batch;
+        rti_cl buffers[3];
+        buffers[0] = gpu->rays->object.mem;
+        buffers[1] = gpu->hits->object.mem;
+        buffers[2] = opt->times ? gpu->times->object.mem : NULL;
+        status = rt_gpu_write(gpu->rays, 0, rays + first, n * sizeof *rays, opt->error);
+        if (status == RT_OK && opt->times) status = rt_gpu_write(gpu->times, 0, opt->times + first, n * sizeof(float), opt->error);
+        if (status == RT_OK) status = rti_gpu_launch(gpu, program, accel, buffers, 0, n, NULL, opt->error);
+        if (status == RT_OK) status = rt_gpu_read(gpu->hits, 0, hits + first, n * sizeof *hits, opt->error);
+    }
+    return status;
+}
+
+#endif /* RT_GPU_IMPLEMENTATION */

@@ -1,0 +1,532 @@
+/* rt_gpu_kernels.cl - what rt_gpu.h runs on devices, in OpenCL C 1.2.    SPDX-License-Identifier: MIT OR Unlicense
+
+   rt_gpu.h includes this file a part at a time, RTI_SHARED making strings of what stands in it, as it includes rt.h for the traversals,
+   primitive tests and shading that both have in common: so programs carry their kernels, and need no file. A program is put together for
+   one algorithm and one scene: definitions first (rti_gpu_define in rt_gpu.h), then DEVICE, BASE of rt.h, LANES or LANE, PASS, KD, THREADED
+   of rt.h, and so on.
+
+   Instances are entered without recursion, which devices lack: all from INSTANCES to WALK stands in the program once a level of nesting,
+   the innermost first, every name with the level's number (RTI_LEVEL_NAMES in rt_gpu.h). What no accel of a level has is left out.  */
+
+/* ---- layout: the same as C and on the device ------------------------------------------------------------------------ */
+
+#if RTI_IN(LAYOUT)
+
+/* An accel as it is uploaded; arrays are given in units of RTI_GPU_ALIGN bytes from where all accels start. */
+RTI_SHARED(
+typedef struct {
+    uint32_t structure, node_count, plane_count, moves, bounds, orders, order_axes[3], slots[3];
+    uint32_t nodes, kdnodes, kdlinks, kdslots, links, triangles, balls, planes, instances, wide;
+    float lower[3], upper[3], extent, spread;
+} rti_gpu_record;
+)
+#if RTI_INSTANCES
+RTI_SHARED(
+typedef struct {
+    float transform[12], inverse[12];
+    uint32_t accel, prim, base, moves;
+    rt_motion motion;
+} rti_gpu_instance;
+)
+#endif
+
+/* A node of RT_BVH_WIDE: 8 children, by coordinate. A child is an inner node, its count 0, or a leaf as in rti_node; where there is none,
+   lower is infinite and upper -infinite, which no ray hits. */
+RTI_SHARED(
+typedef struct { float bounds[6][8]; uint32_t index[8], count[8]; } rti_gpu_wide;
+)
+
+/* The same for GPUs, a third of it: planes in steps of 2^exponent from an origin, rounded outwards. */
+RTI_SHARED(
+typedef struct { float origin[3]; signed char exponent[3]; uint8_t none; uint8_t bounds[6][8]; uint32_t index[8], count[8]; } rti_gpu_compact;
+)
+
+#endif
+
+/* ---- device: C's types and functions, and an accel in reach of one work-item ---------------------------------------- */
+
+#if RTI_IN(TYPES)
+
+"#pragma OPENCL FP_CONTRACT OFF\n"
+"#ifdef cl_khr_fp64\n"
+"#pragma OPENCL EXTENSION cl_khr_fp64 : enable\n"
+"#endif\n"
+"#ifdef __clang__\n"
+"#define RTI_FN static inline __attribute__((always_inline))\n"
+"#define RTI_UNROLL _Pragma(\"unroll\")\n"
+"#else\n"
+"#define RTI_FN static inline\n"
+"#define RTI_UNROLL\n"
+"#endif\n"
+"#if defined(FP_FAST_FMAF) || defined(__FMA__) || RTI_GPU\n"
+"#define RTI_FMA 1\n"
+"#else\n"
+"#define RTI_FMA 0\n"
+"#endif\n"
+"#define RTI_INLINE RTI_FN\n"
+"#define RTI_TARGET\n"
+"#define RTI_GLOBAL __global\n"
+"#define RTI_UNLIKELY(x) (x)\n"
+"#define RTI_ALIGNED(n)\n"
+"#define RTI_TALLY(stats, flags, field, n) ((void)0)\n"
+"#define RTI_COUNTS(job) false\n"
+"#define RTI_KD_TALLY(at) ((void)0)\n"
+"#define RT_ASSERT(x) ((void)0)\n"
+"#define RTI_INFINITY INFINITY\n"
+"#define RTI_OPEN(name, parent, number) rt_accel name##_opened; const rt_accel *const name = &name##_opened; "
+    "rti_open(&name##_opened, (parent)->arena, number)\n"
+"#define rti_instance rti_gpu_instance\n"
+"#define fabsf fabs\n"
+"#define sqrtf sqrt\n"
+"#define floorf floor\n"
+"#define copysignf copysign\n"
+
+RTI_SHARED(
+typedef uchar uint8_t;
+typedef int int32_t;
+typedef uint uint32_t;
+typedef ulong uint64_t;
+typedef struct { float x, y, z; } rt_vec3;
+typedef struct { rt_vec3 org; float tmin; rt_vec3 dir; float tmax; } rt_ray;
+typedef struct { float t, u, v; uint32_t prim, inst; } rt_hit;
+typedef struct { rt_vec3 move, pivot, axis; float angle; } rt_motion;
+RTI_FN float rti_roundf(float x) { return x; }
+RTI_FN double rti_round(double x) { return x; }
+typedef int rt_query;
+typedef int rt_algorithm;
+typedef struct { rt_query query; rt_algorithm algorithm; int entries; } rti_job;
+)
+
+#endif
+
+#if RTI_IN(DEVICE)
+
+RTI_SHARED(
+typedef struct {
+    const RTI_GLOBAL char *arena;
+    uint32_t structure, node_count, plane_count, moves, bounds, orders, order_axes[3], slots[3];
+    float lower[3], upper[3], extent, spread;
+    const RTI_GLOBAL rti_node *nodes;
+    const RTI_GLOBAL rti_kdnode *kdnodes;
+    const RTI_GLOBAL rti_kdlink *kdlinks;
+    const RTI_GLOBAL uint32_t *kdslots;
+    const RTI_GLOBAL rti_link *links;
+    const RTI_GLOBAL rti_triangle *triangles;
+    const RTI_GLOBAL rti_ball *balls;
+    const RTI_GLOBAL rti_ground *planes;
+    const RTI_GLOBAL rti_instance *instances;
+    const RTI_GLOBAL RTI_WIDE_NODE *wide;
+} rt_accel;
+
+RTI_FN const RTI_GLOBAL char *rti_reach(const RTI_GLOBAL char *arena, uint32_t at) { return arena + (size_t)at * RTI_GPU_ALIGN; }
+
+RTI_FN void rti_open(rt_accel *a, const RTI_GLOBAL char *arena, uint32_t number)
+{
+    const RTI_GLOBAL rti_gpu_record *r = (const RTI_GLOBAL rti_gpu_record *)arena + number;
+    int k;
+    a->arena = arena;
+    a->structure = r->structure;
+    a->node_count = r->node_count;
+    a->plane_count = r->plane_count;
+    a->moves = r->moves;
+    a->bounds = r->bounds;
+    a->orders = r->orders;
+    for (k = 0; k < 3; k++) {
+        a->order_axes[k] = r->order_axes[k];
+        a->slots[k] = r->slots[k];
+        a->lower[k] = r->lower[k];
+        a->upper[k] = r->upper[k];
+    }
+    a->extent = r->extent;
+    a->spread = r->spread;
+    a->nodes = (const RTI_GLOBAL rti_node *)rti_reach(arena, r->nodes);
+    a->kdnodes = (const RTI_GLOBAL rti_kdnode *)rti_reach(arena, r->kdnodes);
+    a->kdlinks = r->kdlinks ? (const RTI_GLOBAL rti_kdlink *)rti_reach(arena, r->kdlinks) : 0;
+    a->kdslots = (const RTI_GLOBAL uint32_t *)rti_reach(arena, r->kdslots);
+    a->links = (const RTI_GLOBAL rti_link *)rti_reach(arena, r->links);
+    a->triangles = (const RTI_GLOBAL rti_triangle *)rti_reach(arena, r->triangles);
+    a->balls = (const RTI_GLOBAL rti_ball *)rti_reach(arena, r->balls);
+    a->planes = (const RTI_GLOBAL rti_ground *)rti_reach(arena, r->planes);
+    a->instances = (const RTI_GLOBAL rti_instance *)rti_reach(arena, r->instances);
+    a->wide = (const RTI_GLOBAL RTI_WIDE_NODE *)rti_reach(arena, r->wide);
+}
+
+RTI_FN int rti_highest_bit(uint64_t bits) { return 63 - (int)clz(bits); }
+RTI_FN int rti_bit_count(unsigned bits) { return (int)popcount(bits); }
+
+RTI_FN const RTI_GLOBAL float *rti_corners(const rt_accel *accel, uint32_t slot, float *gathered, uint32_t *prim)
+{
+    (void)gathered;
+    *prim = accel->triangles[slot].prim;
+    return accel->triangles[slot].v;
+}
+RTI_FN rti_ball rti_ball_at(const rt_accel *accel, uint32_t slot) { return accel->balls[slot]; }
+)
+
+/* Bit i: the sign of element i. */
+RTI_SHARED(RTI_FN unsigned rti_signs2(int2 a) { return (uint)a.x >> 31 | (uint)a.y >> 31 << 1; })
+"#if defined(__SSE__) && defined(__clang__)\n"
+RTI_SHARED(RTI_FN unsigned rti_signs4(int4 a) { return (unsigned)__builtin_ia32_movmskps(as_float4(a)); })
+"#else\n"
+RTI_SHARED(
+RTI_FN unsigned rti_signs4(int4 a)
+{
+    a = a >> 31 & (int4)(1, 2, 4, 8);
+    return (unsigned)(a.x | a.y | a.z | a.w);
+}
+)
+"#endif\n"
+"#if defined(__AVX__) && defined(__clang__)\n"
+RTI_SHARED(RTI_FN unsigned rti_signs8(int8 a) { return (unsigned)__builtin_ia32_movmskps256(as_float8(a)); })
+"#else\n"
+RTI_SHARED(RTI_FN unsigned rti_signs8(int8 a) { return rti_signs4(a.lo) | rti_signs4(a.hi) << 4; })
+"#endif\n"
+
+#endif
+
+/* ---- lane: RTI_WIDTH is 1, see >>wide of rt.h ----------------------------------------------------------------------- */
+
+#if RTI_IN(LANE)
+
+RTI_SHARED(
+typedef float rti_v;
+typedef double rti_d;
+RTI_FN rti_v rti_vset(float x) { return x; }
+RTI_FN rti_v rti_vid(uint32_t id) { return as_float(id); }
+RTI_FN rti_v rti_vload(const float *p) { return *p; }
+RTI_FN void rti_vstore(float *p, rti_v a) { *p = a; }
+RTI_FN rti_v rti_vadd(rti_v a, rti_v b) { return a + b; }
+RTI_FN rti_v rti_vsub(rti_v a, rti_v b) { return a - b; }
+RTI_FN rti_v rti_vmul(rti_v a, rti_v b) { return a * b; }
+RTI_FN rti_v rti_vdiv(rti_v a, rti_v b) { return a / b; }
+RTI_FN rti_v rti_vmin(rti_v a, rti_v b) { return a < b ? a : b; }
+RTI_FN rti_v rti_vmax(rti_v a, rti_v b) { return a > b ? a : b; }
+RTI_FN rti_v rti_vabs(rti_v a) { return fabs(a); }
+RTI_FN rti_v rti_vsign(rti_v size, rti_v sign) { return copysign(size, sign); }
+RTI_FN unsigned rti_vlt(rti_v a, rti_v b) { return a < b; }
+RTI_FN unsigned rti_vle(rti_v a, rti_v b) { return a <= b; }
+RTI_FN unsigned rti_vnegative(rti_v a) { return as_uint(a) >> 31; }
+RTI_FN rti_v rti_vselect(unsigned lanes, rti_v a, rti_v b) { return lanes ? a : b; }
+RTI_FN rti_d rti_dset(double x) { return x; }
+RTI_FN rti_d rti_dload(const double *p) { return *p; }
+RTI_FN void rti_dstore(double *p, rti_d a) { *p = a; }
+RTI_FN rti_d rti_dadd(rti_d a, rti_d b) { return a + b; }
+RTI_FN rti_d rti_dsub(rti_d a, rti_d b) { return a - b; }
+RTI_FN rti_d rti_dmul(rti_d a, rti_d b) { return a * b; }
+RTI_FN rti_d rti_ddiv(rti_d a, rti_d b) { return a / b; }
+RTI_FN rti_d rti_dsqrt(rti_d a) { return sqrt(a); }
+RTI_FN rti_d rti_dmin(rti_d a, rti_d b) { return a < b ? a : b; }
+RTI_FN rti_d rti_dmax(rti_d a, rti_d b) { return a > b ? a : b; }
+RTI_FN unsigned rti_dlt(rti_d a, rti_d b) { return a < b; }
+RTI_FN rti_d rti_dselect(unsigned lanes, rti_d a, rti_d b) { return lanes ? a : b; }
+RTI_FN rti_d rti_widen(rti_v a) { return (double)a; }
+RTI_FN rti_v rti_narrow(rti_d a) { return (float)a; }
+)
+
+#endif
+
+/* ---- lanes: RTI_WIDTH is 2, 4, 8 or 16; RTI_VECTOR(type) is type2 and so on ----------------------------------------- */
+
+#if RTI_IN(LANES)
+
+RTI_SHARED(
+typedef RTI_VECTOR(float) rti_v;
+typedef RTI_VECTOR(double) rti_d;
+)
+
+RTI_SHARED(
+RTI_FN unsigned rti_signs16(int16 a) { return rti_signs8(a.lo) | rti_signs8(a.hi) << 8; }
+RTI_FN RTI_VECTOR(int) rti_spread(unsigned lanes)
+{
+    const RTI_VECTOR(int) bits = RTI_LANE_BITS;
+    return ((RTI_VECTOR(int))((int)lanes) & bits) != 0;
+}
+)
+RTI_SHARED(
+RTI_FN rti_v rti_vset(float x) { return (rti_v)(x); }
+RTI_FN rti_v rti_vid(uint32_t id) { return (rti_v)(as_float(id)); }
+RTI_FN rti_v rti_vload(const float *p) { return RTI_VECTOR(vload)(0, p); }
+RTI_FN void rti_vstore(float *p, rti_v a) { RTI_VECTOR(vstore)(a, 0, p); }
+RTI_FN rti_v rti_vadd(rti_v a, rti_v b) { return a + b; }
+RTI_FN rti_v rti_vsub(rti_v a, rti_v b) { return a - b; }
+RTI_FN rti_v rti_vmul(rti_v a, rti_v b) { return a * b; }
+RTI_FN rti_v rti_vdiv(rti_v a, rti_v b) { return a / b; }
+RTI_FN rti_v rti_vmin(rti_v a, rti_v b) { return a < b ? a : b; }
+RTI_FN rti_v rti_vmax(rti_v a, rti_v b) { return a > b ? a : b; }
+RTI_FN rti_v rti_vabs(rti_v a) { return fabs(a); }
+RTI_FN rti_v rti_vsign(rti_v size, rti_v sign) { return copysign(size, sign); }
+RTI_FN unsigned rti_vlt(rti_v a, rti_v b) { return RTI_VECTOR(rti_signs)(a < b); }
+RTI_FN unsigned rti_vle(rti_v a, rti_v b) { return RTI_VECTOR(rti_signs)(a <= b); }
+RTI_FN unsigned rti_vnegative(rti_v a) { return RTI_VECTOR(rti_signs)(RTI_VECTOR(as_int)(a)); }
+RTI_FN rti_v rti_vselect(unsigned lanes, rti_v a, rti_v b) { return rti_spread(lanes) ? a : b; }
+RTI_FN rti_d rti_dset(double x) { return (rti_d)(x); }
+RTI_FN rti_d rti_dload(const double *p) { return RTI_VECTOR(vload)(0, p); }
+RTI_FN void rti_dstore(double *p, rti_d a) { RTI_VECTOR(vstore)(a, 0, p); }
+RTI_FN rti_d rti_dadd(rti_d a, rti_d b) { return a + b; }
+RTI_FN rti_d rti_dsub(rti_d a, rti_d b) { return a - b; }
+RTI_FN rti_d rti_dmul(rti_d a, rti_d b) { return a * b; }
+RTI_FN rti_d rti_ddiv(rti_d a, rti_d b) { return a / b; }
+RTI_FN rti_d rti_dsqrt(rti_d a) { return sqrt(a); }
+RTI_FN rti_d rti_dmin(rti_d a, rti_d b) { return a < b ? a : b; }
+RTI_FN rti_d rti_dmax(rti_d a, rti_d b) { return a > b ? a : b; }
+RTI_FN unsigned rti_dlt(rti_d a, rti_d b) { return RTI_VECTOR(rti_signs)(RTI_VECTOR(convert_int)(a < b)); }
+RTI_FN rti_d rti_dselect(unsigned lanes, rti_d a, rti_d b) { return RTI_VECTOR(convert_long)(rti_spread(lanes)) ? a : b; }
+RTI_FN rti_d rti_widen(rti_v a) { return RTI_VECTOR(convert_double)(a); }
+RTI_FN rti_v rti_narrow(rti_d a) { return RTI_VECTOR(convert_float)(a); }
+)
+
+#endif
+
+#if RTI_IN(EITHER)
+
+/* What follows is the same for one lane and for many. Planes need not be met exactly, so fma may serve, where it is fast. */
+"#if RTI_FMA\n"
+RTI_SHARED(
+RTI_FN rti_v rti_vfma(rti_v a, rti_v b, rti_v c) { return fma(a, b, c); }
+RTI_FN rti_v rti_vorigin(rti_v org, rti_v rdir) { return org * rdir; }
+RTI_FN rti_v rti_vplane(rti_v plane, rti_v org_rdir, rti_v rdir) { return fma(plane, rdir, -org_rdir); }
+)
+"#else\n"
+RTI_SHARED(
+RTI_FN rti_v rti_vfma(rti_v a, rti_v b, rti_v c) { return a * b + c; }
+RTI_FN rti_v rti_vorigin(rti_v org, rti_v rdir) { (void)rdir; return org; }
+RTI_FN rti_v rti_vplane(rti_v plane, rti_v org, rti_v rdir) { return (plane - org) * rdir; }
+)
+"#endif\n"
+RTI_SHARED(
+RTI_FN rti_v rti_vround(rti_v a) { return a; }
+RTI_FN rti_d rti_product(rti_d a, rti_d b) { return a * b; }
+)
+
+#endif
+
+/* ---- threaded: [Lohr] 4 and 5 --------------------------------------------------------------------------------------- */
+
+#if RTI_IN(THREADED_BODY)
+
+/* From node to node along the links, without a stack; all rays of a packet go where one of them has to. */
+RTI_SHARED(
+RTI_FN unsigned rti_thread_body(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const int flags, const rti_job *job)
+{
+    const bool round = (flags & RTI_WALK_ROUND) != 0;
+    const RTI_GLOBAL rti_link *links;
+    rti_slabs slabs;
+    rti_sweep sweep;
+    uint32_t at = 0, order = 0;
+    unsigned found = 0;
+    int i;
+    for (i = 0; 1u << i < accel->orders; i++) order |= as_uint(p->dir[accel->order_axes[i]][0]) >> 31 << i;
+    links = accel->links + (size_t)order * accel->node_count;
+    if (round) sweep = rti_make_sweep(p);
+    else slabs = rti_make_slabs(p);
+    while (at != RTI_END) {
+        const RTI_GLOBAL rti_node *node = accel->nodes + at;
+        const rti_link link = links[at];
+        rti_v enter, leave;
+        unsigned hit;
+        if (round) hit = rti_meet_sphere(&sweep, node->bounds, rti_vload(p->t)) & live;
+        else hit = rti_hit_box(&slabs, node->bounds, rti_vload(p->t), &enter, &leave) & live;
+        at = hit ? link.hit : link.miss;
+        if (hit && node->count) {
+            hit = rti_hit_leaf(accel, p, hit, 0, node->index, node->count, inst, flags, job);
+            found |= hit;
+            if (flags & RTI_WALK_ANY && !(live &= ~hit)) break;
+        }
+    }
+    return found;
+}
+)
+
+#endif
+
+/* ---- wide: one ray, 8 children at a time ---------------------------------------------------------------------------- */
+
+#if RTI_IN(WIDE)
+
+/* The children's boxes at once; enter: where the ray enters each. */
+"#if RTI_GPU\n"
+RTI_SHARED(
+RTI_FN unsigned rti_hit_children(const rti_slabs *s, const RTI_GLOBAL rti_gpu_compact *node, float tmax, float *enter)
+{
+    const rti_slab slab[3] = { s->x, s->y, s->z };
+    unsigned hit = 0;
+    int i, k;
+    RTI_UNROLL
+    for (i = 0; i < 8; i++) {
+        float from = s->tmin, to = tmax;
+        RTI_UNROLL
+        for (k = 0; k < 3; k++) {
+            const float step = as_float((uint32_t)(node->exponent[k] + 127) << 23), origin = node->origin[k];
+            const float near = rti_vplane(origin + step * node->bounds[slab[k].near_plane][i], slab[k].near_org, slab[k].rdir);
+            const float far = rti_vplane(origin + step * node->bounds[slab[k].far_plane][i], slab[k].far_org, slab[k].rdir);
+            from = near > from ? near : from;
+            to = far < to ? far : to;
+        }
+        enter[i] = from;
+        if (from <= to && !(node->none >> i & 1)) hit |= 1u << i;
+    }
+    return hit;
+}
+)
+"#else\n"
+RTI_SHARED(
+RTI_FN float8 rti_planes8(const RTI_GLOBAL rti_gpu_wide *node, int plane, float org, float rdir)
+{
+    const float8 planes = vload8(0, node->bounds[plane]);
+    if (RTI_FMA) return fma(planes, (float8)(rdir), (float8)(-org));
+    return (planes - org) * rdir;
+}
+RTI_FN float8 rti_min8(float8 a, float8 b) { return a < b ? a : b; }
+RTI_FN float8 rti_max8(float8 a, float8 b) { return a > b ? a : b; }
+RTI_FN unsigned rti_hit_children(const rti_slabs *s, const RTI_GLOBAL rti_gpu_wide *node, float tmax, float *enter)
+{
+    const float8 x0 = rti_planes8(node, s->x.near_plane, s->x.near_org, s->x.rdir), x1 = rti_planes8(node, s->x.far_plane, s->x.far_org, s->x.rdir);
+    const float8 y0 = rti_planes8(node, s->y.near_plane, s->y.near_org, s->y.rdir), y1 = rti_planes8(node, s->y.far_plane, s->y.far_org, s->y.rdir);
+    const float8 z0 = rti_planes8(node, s->z.near_plane, s->z.near_org, s->z.rdir), z1 = rti_planes8(node, s->z.far_plane, s->z.far_org, s->z.rdir);
+    const float8 from = rti_max8(rti_max8(x0, y0), rti_max8(z0, (float8)(s->tmin)));
+    const float8 to = rti_min8(rti_min8(x1, y1), rti_min8(z1, (float8)(tmax)));
+    vstore8(from, 0, enter);
+    return rti_signs8(from <= to);
+}
+)
+"#endif\n"
+
+/* Depth first, the nearest child first. What waits lies on a stack, the nearest on top, and is looked at again only where the ray is still
+   long enough. */
+RTI_SHARED(
+RTI_FN unsigned rti_wide_body(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const int flags, const rti_job *job)
+{
+    struct { uint32_t index, count; float enter; } stack[RTI_STACK], next;
+    const rti_slabs s = rti_make_slabs(p);
+    unsigned found = 0;
+    int top = 0;
+    next.index = next.count = 0;
+    for (;;) {
+        if (next.count) {
+            const unsigned hit = rti_hit_leaf(accel, p, live, 0, next.index, next.count, inst, flags, job);
+            found |= hit;
+            if (flags & RTI_WALK_ANY && hit) return found;
+        } else {
+            const RTI_GLOBAL RTI_WIDE_NODE *node = accel->wide + next.index;
+            float enter[8];
+            unsigned hit = rti_hit_children(&s, node, p->t[0], enter);
+            const int base = top;
+            while (hit) {
+                const int i = 31 - (int)clz(hit & (0u - hit));
+                int at = top++;
+                hit &= hit - 1;
+                if (!(flags & RTI_WALK_ANY))
+                    for (; at > base && stack[at - 1].enter < enter[i]; at--) stack[at] = stack[at - 1];
+                stack[at].index = node->index[i];
+                stack[at].count = node->count[i];
+                stack[at].enter = enter[i];
+            }
+        }
+        do {
+            if (!top) return found;
+            next = stack[--top];
+        } while (!(flags & RTI_WALK_ANY) && !(next.enter <= p->t[0]));
+    }
+}
+)
+
+#endif
+
+/* ---- walk: through an accel of one level ---------------------------------------------------------------------------- */
+
+#if RTI_IN(WALK)
+
+/* Planes first: what is behind them need not be looked at. */
+RTI_SHARED(
+RTI_NOINLINE unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
+{
+    unsigned found = 0;
+    if (RTI_HAS_PLANES && accel->plane_count && live) {
+        found = rti_hit_planes(accel, p, live, inst, job);
+        if (RTI_WALK_FLAGS & RTI_WALK_ANY) live &= ~found;
+    }
+    if (!accel->node_count || !live) return found;
+    if (RTI_IS_KDTREE(accel)) {
+        if (job->algorithm == RT_KD_STACK || (job->algorithm == RT_KD_BACKTRACK && !accel->kdlinks)) return found | rti_kd_stack_body(accel, p, live, inst, RTI_WALK_FLAGS, job);
+        return found | rti_kd_restart_body(accel, p, live, inst, RTI_WALK_FLAGS, job);
+    }
+    if (RTI_IS_THREADED(accel)) {
+        if (RTI_IS_ROUND(accel)) return found | rti_thread_body(accel, p, live, inst, RTI_WALK_FLAGS | RTI_WALK_ROUND, job);
+        return found | rti_thread_body(accel, p, live, inst, RTI_WALK_FLAGS, job);
+    }
+    return found | rti_walk_bvh(accel, p, live, inst, RTI_WALK_FLAGS, job);
+}
+)
+
+#endif
+
+/* ---- trace: the kernel of batches of rays --------------------------------------------------------------------------- */
+
+#if RTI_IN(TRACE)
+
+RTI_SHARED(
+RTI_FN unsigned rti_take_rays(const rt_accel *accel, const RTI_GLOBAL rt_ray *rays, const RTI_GLOBAL float *times, size_t first, size_t last,
+                              rti_packet *p)
+{
+    int i;
+    RTI_UNROLL
+    for (i = 0; i < RTI_WIDTH; i++) {
+        const size_t at = first + (size_t)i < last ? first + (size_t)i : last - 1;
+        const rt_ray ray = rays[at];
+        p->org[0][i] = ray.org.x;
+        p->org[1][i] = ray.org.y;
+        p->org[2][i] = ray.org.z;
+        p->dir[0][i] = ray.dir.x;
+        p->dir[1][i] = ray.dir.y;
+        p->dir[2][i] = ray.dir.z;
+        p->tmin[i] = ray.tmin;
+        p->t[i] = ray.tmax;
+        if (RTI_MOVES) p->time[i] = times ? rti_clamp_time(times[at]) : 0;
+    }
+    rti_no_hits(p);
+    return last - first < RTI_WIDTH ? (1u << (last - first)) - 1 : RTI_ALL_LANES;
+}
+
+RTI_FN void rti_give_hits(const rti_packet *p, unsigned found, RTI_GLOBAL rt_hit *hits, size_t first, size_t last)
+{
+    const bool any = (RTI_WALK_FLAGS & RTI_WALK_ANY) != 0;
+    int i;
+    for (i = 0; i < RTI_WIDTH && first + (size_t)i < last; i++) {
+        const bool hit = found >> i & 1;
+        rt_hit h;
+        h.t = !hit ? RTI_INFINITY : any ? 0 : p->t[i];
+        h.u = p->u[i];
+        h.v = p->v[i];
+        h.prim = hit ? p->prim.id[i] : RT_NONE;
+        h.inst = hit && !any ? p->inst.id[i] : RT_NONE;
+        hits[first + (size_t)i] = h;
+    }
+}
+
+RTI_NOINLINE void rti_trace_packet(const RTI_GLOBAL char *arena, const RTI_GLOBAL rt_ray *rays, RTI_GLOBAL rt_hit *hits,
+                                   const RTI_GLOBAL float *times, size_t first, size_t last)
+{
+    rt_accel accel;
+    rti_packet p;
+    rti_job job;
+    unsigned live;
+    rti_open(&accel, arena, 0);
+    job.query = RTI_QUERY;
+    job.algorithm = RTI_ALGORITHM;
+    job.entries = RTI_ENTRIES;
+    live = rti_prepare(&accel, &p, rti_take_rays(&accel, rays, times, first, last, &p), false);
+    rti_give_hits(&p, rti_walk(&accel, &p, live, RT_NONE, &job), hits, first, last);
+}
+)
+
+/* Work-item i: the rays from i * RTI_WIDTH on, of count from base on. */
+RTI_SHARED(
+__kernel void rt_gpu_trace(__global const char *arena, __global const rt_ray *rays, __global rt_hit *hits, __global const float *times,
+                           ulong base, ulong count)
+{
+    const size_t first = get_global_id(0) * RTI_WIDTH;
+    if (first < count) rti_trace_packet(arena, rays, hits, times, base + first, base + count);
+}
+)
+
+#endif
