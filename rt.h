@@ -7918,17 +7918,15 @@ RTI_SHARED(
 }
 )
 
-#if RTI_KDTREE || RTI_THREADED
+#endif
+#if RTI_IN(HOST) && (RTI_KDTREE || RTI_THREADED)
 /* Any primitives of one kind; not inlined, since a copy in every walk would be most of the code. */
-RTI_SHARED(
-RTI_NOINLINE RTI_TARGET unsigned rti_hit_run(const rt_accel *accel, rti_packet *p, unsigned lanes, const RTI_GLOBAL uint32_t *slots,
-                                             uint32_t first, uint32_t count, uint32_t inst, const rti_job *job)
+RTI_NOINLINE RTI_TARGET unsigned rti_hit_run(const rt_accel *accel, rti_packet *p, unsigned lanes, const uint32_t *slots, uint32_t first,
+                                             uint32_t count, uint32_t inst, const rti_job *job)
 {
     if (job->query == RT_ANY) return rti_hit_leaf(accel, p, lanes, slots, first, count, inst, RTI_WALK_ALL | RTI_WALK_ANY, job);
     return rti_hit_leaf(accel, p, lanes, slots, first, count, inst, RTI_WALK_ALL, job);
 }
-)
-#endif
 
 #endif
 #if RTI_IN(BVH)

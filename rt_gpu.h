@@ -624,6 +624,8 @@ RT_API rt_status rt_gpu_read(rt_gpu_buffer *buffer, size_t offset, void *to, siz
 #define RTI_TEXT_THREADED_BODY 18
 #define RTI_TEXT_WALK       19
 #define RTI_TEXT_TRACE      20
+#define RTI_TEXT_WIDE_BODY  21
+#define RTI_TEXT_RUN        22
 
 #define RTI_TEXT RTI_TEXT_LAYOUT            /* as C */
 #include RT_GPU_KERNELS
@@ -780,7 +782,6 @@ static void rti_gpu_compress(const rti_gpu_wide *from, int count, rti_gpu_compac
     for (i = 0; i < 8; i++) {
         to->index[i] = from->index[i];
         to->count[i] = from->count[i];
-        if (i >= count) to->none |= (uint8_t)(1 << i);
     }
     for (k = 0; k < 3; k++) {
         float low = from->bounds[k][0], high = from->bounds[3 + k][0];
@@ -1193,6 +1194,14 @@ static const char *const rti_gpu_texts[] = {
 #define RTI_TEXT RTI_TEXT_TRACE
 #include RT_GPU_KERNELS
 #undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_WIDE_BODY
+#include RT_GPU_KERNELS
+#undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_RUN
+#include RT_GPU_KERNELS
+#undef RTI_TEXT
     "", NULL
 };
 
@@ -1279,7 +1288,8 @@ static void rti_gpu_define_all(rti_gpu_source *s, const rt_gpu *gpu, const rti_g
     RTI_GPU_FLOATS(RTI_GPU_FLOAT)
     for (i = 0; i < key->level_count; i++) moves |= key->levels[i].moves != 0;
     rti_gpu_define(s, "RTI_GPU %d", (int)gpu->info.gpu);
-    rti_gpu_define(s, "RTI_NOINLINE static%s", gpu->info.gpu ? "" : " __attribute__((noinline))");
+    rti_gpu_define(s, "RTI_CALL static%s", gpu->info.gpu ? "" : " __attribute__((noinline))");
+    rti_gpu_define(s, "RTI_NOINLINE RTI_CALL");
     rti_gpu_define(s, "RTI_WIDE_NODE %s", gpu->info.gpu ? "rti_gpu_compact" : "rti_gpu_wide");
     rti_gpu_define(s, "RTI_QUERY %u", key->query);
     rti_gpu_define(s, "RTI_ALGORITHM %u", key->algorithm);
@@ -1342,10 +1352,18 @@ static void rti_gpu_append_level(rti_gpu_source *s, const rti_gpu_key *key, uint
     rti_gpu_define_test(s, "RTI_IS_ROUND", "bounds", level->bounds, RT_BOUNDS_SPHERES);
     if (!(level->kinds & 1u << RTI_SPHERE)) RTI_GPU_GONE(rti_hit_spheres, "(a, b, c, d, e, f, g, h)")
     if (!instances) RTI_GPU_GONE(rti_hit_instances, "(a, b, c, d, e, f, g, h)")
-    else rti_gpu_append_part(s, RTI_TEXT_INSTANCES);
+    else {
+        /* inlined, so that a level is one call: PoCL 3.1 takes twice as long for every function that calls go on through */
+        rti_gpu_append(s, "#undef RTI_NOINLINE\n");
+        rti_gpu_define(s, "RTI_NOINLINE RTI_FN");
+        rti_gpu_append_part(s, RTI_TEXT_INSTANCES);
+        rti_gpu_append(s, "#undef RTI_NOINLINE\n");
+        rti_gpu_define(s, "RTI_NOINLINE RTI_CALL");
+    }
     rti_gpu_append_part(s, RTI_TEXT_LEAF);
     if (!bvh) RTI_GPU_GONE(rti_walk_bvh, "(a, b, c, d, e, f)")
-    else rti_gpu_append_part(s, wide ? RTI_TEXT_WIDE : RTI_TEXT_BVH);
+    else rti_gpu_append_part(s, wide ? RTI_TEXT_WIDE_BODY : RTI_TEXT_BVH);
+    if (kd) rti_gpu_append_part(s, RTI_TEXT_RUN);
     if (kd) rti_gpu_append_part(s, RTI_TEXT_KD_LEAF);
     if (!kd || !stack) RTI_GPU_GONE(rti_kd_stack_body, "(a, b, c, d, e, f)")
     else rti_gpu_append_part(s, RTI_TEXT_KD_STACK);
@@ -1373,6 +1391,7 @@ static void rti_gpu_write_program(rti_gpu_source *s, const rt_gpu *gpu, const rt
     rti_gpu_append_part(s, RTI_TEXT_PASS);
     if (kd) rti_gpu_append_part(s, RTI_TEXT_KD);
     if (threaded) rti_gpu_append_part(s, RTI_TEXT_THREADED);
+    if (key->algorithm == RT_BVH_WIDE) rti_gpu_append_part(s, RTI_TEXT_WIDE);
     for (i = key->level_count; i-- > 0;) rti_gpu_append_level(s, key, i);
     rti_gpu_append_part(s, RTI_TEXT_TRACE);
 }
@@ -1463,7 +1482,7 @@ static void rti_gpu_set_levels(const rt_gpu *gpu, const rt_gpu_accel *accel, rti
         level->depth = rti_gpu_round_depth(level->depth, 8);
         level->wide_depth = rti_gpu_round_depth(level->wide_depth, 2);
         if (!gpu->general) continue;
-        level->structures = i ? (1u << RT_BVH) | (RTI_KDTREE ? 1u << RT_KDTREE : 0) | (RTI_THREADED ? 1u << RT_THREADED : 0) : 1u << accel->structure;
+        level->structures = i < accel->level_count ? level->structures | (i ? 0 : 1u << accel->structure) : 1u << RT_BVH;
         level->kinds = 1u << RTI_TRIANGLE | (RTI_SPHERES ? 1u << RTI_SPHERE : 0) | (RTI_INSTANCES ? 1u << RTI_INSTANCE : 0);
         level->bounds = RTI_THREADED ? 3 : 0;
         level->planes = RTI_PLANES;

@@ -31,14 +31,14 @@ typedef struct {
 #endif
 
 /* A node of RT_BVH_WIDE: 8 children, by coordinate. A child is an inner node, its count 0, or a leaf as in rti_node; where there is none,
-   lower is infinite and upper -infinite, which no ray hits. */
+   index is 0 too, and its box infinitely far, which most rays miss. */
 RTI_SHARED(
 typedef struct { float bounds[6][8]; uint32_t index[8], count[8]; } rti_gpu_wide;
 )
 
 /* The same for GPUs, a third of it: planes in steps of 2^exponent from an origin, rounded outwards. */
 RTI_SHARED(
-typedef struct { float origin[3]; signed char exponent[3]; uint8_t none; uint8_t bounds[6][8]; uint32_t index[8], count[8]; } rti_gpu_compact;
+typedef struct { float origin[3]; signed char exponent[4]; uint8_t bounds[6][8]; uint32_t index[8], count[8]; } rti_gpu_compact;
 )
 
 #endif
@@ -300,6 +300,20 @@ RTI_FN rti_d rti_product(rti_d a, rti_d b) { return a * b; }
 
 #endif
 
+/* ---- run: rti_hit_run of rt.h, for one query ------------------------------------------------------------------------ */
+
+#if RTI_IN(RUN)
+
+RTI_SHARED(
+RTI_FN unsigned rti_hit_run(const rt_accel *accel, rti_packet *p, unsigned lanes, const RTI_GLOBAL uint32_t *slots, uint32_t first,
+                                  uint32_t count, uint32_t inst, const rti_job *job)
+{
+    return rti_hit_leaf(accel, p, lanes, slots, first, count, inst, RTI_WALK_FLAGS, job);
+}
+)
+
+#endif
+
 /* ---- threaded: [Lohr] 4 and 5 --------------------------------------------------------------------------------------- */
 
 #if RTI_IN(THREADED_BODY)
@@ -308,7 +322,7 @@ RTI_FN rti_d rti_product(rti_d a, rti_d b) { return a * b; }
 RTI_SHARED(
 RTI_FN unsigned rti_thread_body(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const int flags, const rti_job *job)
 {
-    const bool round = (flags & RTI_WALK_ROUND) != 0;
+    const bool round = RTI_IS_ROUND(accel);
     const RTI_GLOBAL rti_link *links;
     rti_slabs slabs;
     rti_sweep sweep;
@@ -363,7 +377,7 @@ RTI_FN unsigned rti_hit_children(const rti_slabs *s, const RTI_GLOBAL rti_gpu_co
             to = far < to ? far : to;
         }
         enter[i] = from;
-        if (from <= to && !(node->none >> i & 1)) hit |= 1u << i;
+        if (from <= to) hit |= 1u << i;
     }
     return hit;
 }
@@ -391,6 +405,10 @@ RTI_FN unsigned rti_hit_children(const rti_slabs *s, const RTI_GLOBAL rti_gpu_wi
 )
 "#endif\n"
 
+#endif
+
+#if RTI_IN(WIDE_BODY)
+
 /* Depth first, the nearest child first. What waits lies on a stack, the nearest on top, and is looked at again only where the ray is still
    long enough. */
 RTI_SHARED(
@@ -413,8 +431,10 @@ RTI_FN unsigned rti_wide_body(const rt_accel *accel, rti_packet *p, unsigned liv
             const int base = top;
             while (hit) {
                 const int i = 31 - (int)clz(hit & (0u - hit));
-                int at = top++;
+                int at = top;
                 hit &= hit - 1;
+                if (!(node->index[i] | node->count[i])) continue;
+                top++;
                 if (!(flags & RTI_WALK_ANY))
                     for (; at > base && stack[at - 1].enter < enter[i]; at--) stack[at] = stack[at - 1];
                 stack[at].index = node->index[i];
@@ -438,7 +458,7 @@ RTI_FN unsigned rti_wide_body(const rt_accel *accel, rti_packet *p, unsigned liv
 
 /* Planes first: what is behind them need not be looked at. */
 RTI_SHARED(
-RTI_NOINLINE unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
+RTI_CALL unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
 {
     unsigned found = 0;
     if (RTI_HAS_PLANES && accel->plane_count && live) {
@@ -450,10 +470,7 @@ RTI_NOINLINE unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned li
         if (job->algorithm == RT_KD_STACK || (job->algorithm == RT_KD_BACKTRACK && !accel->kdlinks)) return found | rti_kd_stack_body(accel, p, live, inst, RTI_WALK_FLAGS, job);
         return found | rti_kd_restart_body(accel, p, live, inst, RTI_WALK_FLAGS, job);
     }
-    if (RTI_IS_THREADED(accel)) {
-        if (RTI_IS_ROUND(accel)) return found | rti_thread_body(accel, p, live, inst, RTI_WALK_FLAGS | RTI_WALK_ROUND, job);
-        return found | rti_thread_body(accel, p, live, inst, RTI_WALK_FLAGS, job);
-    }
+    if (RTI_IS_THREADED(accel)) return found | rti_thread_body(accel, p, live, inst, RTI_WALK_FLAGS, job);
     return found | rti_walk_bvh(accel, p, live, inst, RTI_WALK_FLAGS, job);
 }
 )
@@ -503,7 +520,7 @@ RTI_FN void rti_give_hits(const rti_packet *p, unsigned found, RTI_GLOBAL rt_hit
     }
 }
 
-RTI_NOINLINE void rti_trace_packet(const RTI_GLOBAL char *arena, const RTI_GLOBAL rt_ray *rays, RTI_GLOBAL rt_hit *hits,
+RTI_CALL void rti_trace_packet(const RTI_GLOBAL char *arena, const RTI_GLOBAL rt_ray *rays, RTI_GLOBAL rt_hit *hits,
                                    const RTI_GLOBAL float *times, size_t first, size_t last)
 {
     rt_accel accel;

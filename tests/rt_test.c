@@ -5,6 +5,7 @@
        ./rt_test --list        names only
        ./rt_test --seed N      other random numbers (the checksum changes with them)
        ./rt_test --big         ten million triangles where otherwise one million
+       ./rt_test --no-gpu      without OpenCL: no test of rt_gpu.h
 
    Every way to trace (algorithm x packet width x instructions x query) is compared by == on all bits with a scalar brute force
    that is written here from the documented arithmetic and shares no code with rt.h. The "hits checksum" hashes what the brute force
@@ -15,9 +16,9 @@
 
    CONTENTS (search for the tag)
 
-       >>memory  >>harness  >>exact  >>oracle  >>models  >>shapes  >>rays  >>compare
+       >>memory  >>harness  >>exact  >>oracle  >>models  >>shapes  >>rays  >>compare  >>device
        tests: >>hits  >>instances  >>ugly  >>intervals  >>watertight  >>refit  >>builds  >>oom  >>options  >>stats  >>kdtree
-              >>threads  >>shading  >>raster  >>programs  >>loaders
+              >>threads  >>shading  >>raster  >>programs  >>loaders  >>gpu
        >>main  */
 
 #define _POSIX_C_SOURCE 200809L
@@ -43,6 +44,8 @@ static void rtt_free(void *pointer, void *user);
 #define RT_FREE(p, user) rtt_free(p, user)
 #define RT_IMPLEMENTATION
 #include "../rt.h"
+#define RT_GPU_IMPLEMENTATION
+#include "../rt_gpu.h"
 
 #ifndef RTT_SCALE
 #define RTT_SCALE 1                         /* divides the sizes of big builds (never of a case in the checksum) */
@@ -58,7 +61,7 @@ static struct {
     const char *test;                       /* the one that runs */
     int failures;                           /* of it */
     uint64_t seed, checksum, cases, rays;
-    bool big;
+    bool big, no_gpu;
 } rtt;
 
 /* Notes a failure; only the first few of a test are printed. */
@@ -1001,6 +1004,100 @@ static bool rtt_compare(const char *what, const char *way, const rtt_rays *rays,
     return true;
 }
 
+/* ---- >>device: the same on OpenCL ---- */
+
+/* One context for all cases, with programs that serve any scene: few of them. What each does for a scene is in >>gpu. */
+static struct {
+    rt_gpu *gpu;
+    rtt_memory memory;
+    rtt_way ways[512];                      /* all that there are kernels for, as rt_gpu_widths tells */
+    size_t way_count;
+} rtt_device;
+
+static void rtt_device_add(const rt_algorithm_info *info, int width, rt_cull cull, int short_stack, bool often)
+{
+    for (int query = RT_CLOSEST; query <= RT_ANY; query++) {
+        rtt_way *way = &rtt_device.ways[rtt_device.way_count++];
+
+        if (rtt_device.way_count == RTT_COUNT(rtt_device.ways))
+            rtt_die("too many kernels");
+        memset(way, 0, sizeof *way);
+        way->structure = info->structure;
+        way->large = !often;
+        way->options.algorithm = info->algorithm;
+        way->options.packet_width = width;
+        way->options.cull = cull;
+        way->options.query = (rt_query)query;
+        way->options.short_stack = short_stack;
+        snprintf(way->label, sizeof way->label, "gpu %s:%d/%d/%s/%s", info->name, short_stack, width, rtt_cull_names[cull],
+                 query == RT_ANY ? "any" : "closest");
+    }
+}
+
+/* Each algorithm once, often: with a packet width that suits cases of few rays; the others, less often: all widths, culls, entries. */
+static void rtt_device_open(void)
+{
+    static const int entries[] = { 0, 1, 2, RT_MAX_SHORT_STACK };
+    const rt_algorithm_info *info;
+    rt_gpu_options options;
+    rt_error error;
+
+    memset(&options, 0, sizeof options);
+    options.general = true;
+    options.memory_user = &rtt_device.memory;
+    options.error = &error;
+    if (rt_gpu_open(&rtt_device.gpu, &options) != RT_OK) {
+        rtt_fail("rt_gpu_open: %s (Debian: pocl-opencl-icd, ocl-icd-libopencl1)", error.message);
+        return;
+    }
+    for (size_t i = 0; (info = rt_algorithm_get(i)) != NULL; i++) {
+        int widths[16];
+        size_t count = rt_gpu_widths(info->algorithm, widths, RTT_COUNT(widths));
+
+        for (size_t w = 0; w < count && !info->culls; w++)
+            for (size_t c = 0; c < (info->culls ? RT_CULL_COUNT : 1); c++)
+                for (size_t e = 0; e < (info->algorithm == RT_KD_SHORTSTACK ? RTT_COUNT(entries) : 1); e++)
+                    rtt_device_add(info, widths[w], (rt_cull)c, entries[e],
+                                   info->culls ? widths[w] == 8 && c == RT_CULL_BOTH : (w == 0 || w == 1) && e == 0);
+    }
+}
+
+/* The device's ways, those that are often used by turns as rtt_compare_ways has it, or all (every 0). */
+static void rtt_compare_device(rt_gpu *gpu, const char *what, const rt_accel *accel, const rtt_rays *rays, const rt_hit *want, bool backtrack,
+                               size_t turn, size_t every)
+{
+    rt_hit *got = (rt_hit *)rtt_array(rays->count, sizeof *got);
+    size_t wrong = 0;
+    rt_gpu_accel *there = NULL;
+    rt_error error;
+    rt_info info;
+
+    rt_get_info(accel, &info);
+    if (every && info.nesting > 2)
+        every *= 7;                         /* each needs a program of its own */
+    if (rt_gpu_upload(gpu, &there, accel, &error) != RT_OK)
+        rtt_fail("%s: rt_gpu_upload: %s", what, error.message);
+    for (size_t w = 0; there && w < rtt_device.way_count; w++) {
+        rt_trace_options options = rtt_device.ways[w].options;
+
+        if (rtt_device.ways[w].structure != info.structure || (every && (rtt_device.ways[w].large || (w + turn) % every != 0))
+            || (options.algorithm == RT_KD_BACKTRACK && !backtrack))
+            continue;
+        options.times = rays->time;
+        options.error = &error;
+        memset(got, 0xcc, rays->count * sizeof *got);
+        if (rt_gpu_trace(gpu, there, &options, rays->ray, rays->count, got) != RT_OK) {
+            rtt_fail("%s, %s: %s", what, rtt_device.ways[w].label, error.message);
+            break;
+        }
+        wrong += !rtt_compare(what, rtt_device.ways[w].label, rays, got, want, options.query == RT_ANY, wrong == 0);
+    }
+    if (wrong)
+        rtt_fail("%s: %zu kernels are wrong", what, wrong);
+    rt_gpu_free(there);
+    free(got);
+}
+
 /* Traces rays every way that suits accel's structure and compares with want: each way whose turn, of every many, it is; of large packets,
    which are most of the ways, of 7 times as many. */
 static void rtt_compare_ways(const char *what, const rt_accel *accel, const rtt_rays *rays, const rt_hit *want, bool backtrack,
@@ -1090,21 +1187,21 @@ static void rtt_backwards(void *user, size_t count, void (*body)(void *context, 
 
 /* Ways to build that rtt_check goes. Where there are many ways to trace, a build tries one of every so many, by turns: odd,
    since closest and any take turns in the table. */
-static const struct { rt_build_options options; bool parallel; size_t every; } rtt_builds[] = {
-    { { .structure = RT_BVH }, false, 1 },
-    { { .structure = RT_BVH, .quality = RT_BUILD_FAST, .reference = true }, true, 1 },
-    { { .structure = RT_BVH, .quality = RT_BUILD_HIGH }, false, 1 },
-    { { .structure = RT_BVH, .traversal_cost = 0.01f }, false, 4 },
-    { { .structure = RT_KDTREE }, false, 3 },
-    { { .structure = RT_KDTREE, .quality = RT_BUILD_FAST, .reference = true }, true, 11 },
-    { { .structure = RT_KDTREE, .quality = RT_BUILD_HIGH, .traversal_cost = 0.25f, .max_duplication = 16 }, false, 11 },
-    { { .structure = RT_KDTREE, .traversal_cost = 4, .empty_bonus = 0.9f }, false, 11 },
-    { { .structure = RT_KDTREE, .empty_bonus = -1, .max_duplication = 1, .no_backtrack = true }, false, 11 },
-    { { .structure = RT_THREADED }, false, 1 },
-    { { .structure = RT_THREADED, .bounds = RT_BOUNDS_SPHERES }, false, 1 },
-    { { .structure = RT_THREADED, .quality = RT_BUILD_FAST, .reference = true, .branching = 2, .orders = 1 }, true, 3 },
-    { { .structure = RT_THREADED, .bounds = RT_BOUNDS_SPHERES, .quality = RT_BUILD_HIGH, .branching = 7, .orders = 4, .throw_back = 1e-6f }, false, 3 },
-    { { .structure = RT_THREADED, .branching = 16, .orders = 2, .throw_back = -1 }, false, 3 },
+static const struct { rt_build_options options; bool parallel; size_t every, device; } rtt_builds[] = {
+    { { .structure = RT_BVH }, false, 1, 1 },
+    { { .structure = RT_BVH, .quality = RT_BUILD_FAST, .reference = true }, true, 1, 9 },
+    { { .structure = RT_BVH, .quality = RT_BUILD_HIGH }, false, 1, 9 },
+    { { .structure = RT_BVH, .traversal_cost = 0.01f }, false, 4, 9 },
+    { { .structure = RT_KDTREE }, false, 3, 1 },
+    { { .structure = RT_KDTREE, .quality = RT_BUILD_FAST, .reference = true }, true, 11, 9 },
+    { { .structure = RT_KDTREE, .quality = RT_BUILD_HIGH, .traversal_cost = 0.25f, .max_duplication = 16 }, false, 11, 9 },
+    { { .structure = RT_KDTREE, .traversal_cost = 4, .empty_bonus = 0.9f }, false, 11, 9 },
+    { { .structure = RT_KDTREE, .empty_bonus = -1, .max_duplication = 1, .no_backtrack = true }, false, 11, 9 },
+    { { .structure = RT_THREADED }, false, 1, 1 },
+    { { .structure = RT_THREADED, .bounds = RT_BOUNDS_SPHERES }, false, 1, 9 },
+    { { .structure = RT_THREADED, .quality = RT_BUILD_FAST, .reference = true, .branching = 2, .orders = 1 }, true, 3, 9 },
+    { { .structure = RT_THREADED, .bounds = RT_BOUNDS_SPHERES, .quality = RT_BUILD_HIGH, .branching = 7, .orders = 4, .throw_back = 1e-6f }, false, 3, 9 },
+    { { .structure = RT_THREADED, .branching = 16, .orders = 2, .throw_back = -1 }, false, 3, 9 },
 };
 
 /* The whole promise for one model and its rays: oracle, checksum, then every structure, way of building and way of tracing. */
@@ -1142,6 +1239,8 @@ static void rtt_check(const char *what, const rtt_model *model, const rtt_rays *
         }
         rtt_check_accel(what, accel, &geometry);
         rtt_compare_ways(what, accel, rays, want, !options.no_backtrack, rtt.cases + b, rtt_builds[b].every);
+        if (rtt_device.gpu)
+            rtt_compare_device(rtt_device.gpu, what, accel, rays, want, !options.no_backtrack, rtt.cases + b, rtt_builds[b].device);
         rt_free(accel);
     }
     free(want);
@@ -8800,6 +8899,463 @@ static void rtt_test_animate(void)
     loader_clear();
 }
 
+/* ---- >>gpu: rt_gpu.h ---------------------------------------------------------------------------------------------------- */
+
+/* What hits are on devices is tested by rtt_check, with every case; here is the rest. */
+
+/* Three levels of all that there is, and rays to meet it. */
+static void rtt_gpu_scene(rtt_model *world, rtt_model *child, rtt_rays *rays, rt_structure structure)
+{
+    rtt_random random = rtt_stream();
+
+    child->structure = (rt_structure)((structure + 1) % RT_STRUCTURE_COUNT);
+    rtt_cloud(child, &random, 60, rtt_origin, 0.5f, 0.3f);
+    rtt_balls(child, &random, 10, rtt_origin, 0.5f, 0.1f);
+    world->structure = structure;
+    rtt_cloud(world, &random, 400, rtt_origin, 1, 0.2f);
+    rtt_balls(world, &random, 40, rtt_origin, 1, 0.1f);
+    rtt_ground(world, rtt_v(0, -1, 0), rtt_v(0, 1, 0.1f), 0);
+    for (int k = 0; k < 12; k++)
+        rtt_place(world, child, rtt_mul(rtt_v(1, 1, 1), 0.4f), rtt_point(&random, rtt_origin, 1));
+    rtt_rays_mixed(rays, &random, rtt_origin, 1, 400);
+    rtt_rays_pinhole(rays, rtt_v(0.5f, 0, -3), rtt_origin, 1, 37);
+}
+
+/* Models that need less and less, each compiled for. */
+static void rtt_test_gpu_specialised(void)
+{
+    rtt_random random = rtt_stream();
+    rt_gpu_options options;
+    rt_gpu *gpu;
+
+    memset(&options, 0, sizeof options);
+    options.memory_user = &rtt_device.memory;
+    if (!CHECK_STATUS(rt_gpu_open(&gpu, &options), RT_OK))
+        return;
+    for (int what = 0; what < 6; what++) {
+        static const char *const names[] = { "triangles alone", "with spheres", "with instances", "with planes", "all", "moving" };
+        rtt_model child = { 0 }, model = { 0 };
+        rtt_rays rays = { 0 };
+        rtt_accels accels;
+        rt_hit *want;
+
+        child.structure = (rt_structure)(what % RT_STRUCTURE_COUNT);
+        rtt_cloud(&child, &random, 40, rtt_origin, 0.5f, 0.3f);
+        rtt_cloud(&model, &random, 300, rtt_origin, 1, 0.2f);
+        if (what == 1 || what >= 4)
+            rtt_balls(&model, &random, 40, rtt_origin, 1, 0.1f);
+        for (int k = 0; k < 6 && (what == 2 || what >= 4); k++) {
+            rtt_place(&model, &child, rtt_mul(rtt_v(1, 1, 1), 0.4f), rtt_point(&random, rtt_origin, 1));
+            if (what == 5)
+                rtt_any_motion(&model, &random, 1, 1, 0.5f);
+        }
+        if (what == 3 || what == 4)
+            rtt_ground(&model, rtt_v(0, -1, 0), rtt_v(0, 1, 0.1f), 0);
+        rtt_rays_mixed(&rays, &random, rtt_origin, 1, 300);
+        rtt_rays_pinhole(&rays, rtt_v(0.5f, 0, -3), rtt_origin, 1, 33);
+        if (what == 5)
+            rtt_rays_times(&rays, &random);
+        want = (rt_hit *)rtt_array(rays.count, sizeof *want);
+        for (size_t i = 0; i < rays.count; i++)
+            want[i] = rtt_closest_at(&model, &rays.ray[i], rays.time ? rays.time[i] : 0);
+        if (rtt_accels_build(&accels, &model))
+            for (int s = 0; s < RT_STRUCTURE_COUNT; s++)            /* one with all widths, culls and entries, the others by turns */
+                rtt_compare_device(gpu, names[what], accels.of[s], &rays, want, true, (size_t)what, what == 4 ? 0 : 3);
+        rtt_accels_free(&accels);
+        rtt_model_free(&model);
+        rtt_model_free(&child);
+        rtt_rays_free(&rays);
+        free(want);
+    }
+    rt_gpu_close(gpu);
+}
+
+static void rtt_test_gpu_devices(void)
+{
+    static const char *const wrong[] = { "no such device", "999", "gpu of tomorrow" };
+    rt_gpu_info infos[8], info;
+    rt_gpu_options options;
+    rt_gpu *gpu = (rt_gpu *)&options;
+    rt_error error;
+    size_t count = 0, usable = 0;
+    char number[8];
+
+    CHECK_STATUS(rt_gpu_list(infos, RTT_COUNT(infos), &count, &error), RT_OK);
+    CHECK(count > 0);
+    for (size_t i = 0; i < count && i < RTT_COUNT(infos); i++) {
+        CHECK(infos[i].name[0] && infos[i].platform[0] && infos[i].memory > 0 && infos[i].usable == (infos[i].lacks[0] == 0));
+        usable += infos[i].usable;
+    }
+    CHECK(usable > 0);
+    CHECK_STATUS(rt_gpu_list(NULL, 0, &count, NULL), RT_OK);
+    CHECK_STATUS(rt_gpu_list(NULL, 1, &count, &error), RT_ERROR_ARGUMENT);
+    CHECK_STATUS(rt_gpu_list(infos, 1, NULL, &error), RT_ERROR_ARGUMENT);
+    memset(&options, 0, sizeof options);
+    options.error = &error;
+    for (size_t i = 0; i < RTT_COUNT(wrong); i++) {
+        options.device = wrong[i];
+        gpu = (rt_gpu *)&options;
+        CHECK_STATUS(rt_gpu_open(&gpu, &options), RT_ERROR_NO_DEVICE);
+        CHECK(!gpu && strstr(error.message, wrong[i]));
+    }
+    for (size_t i = 0; i < count && i < RTT_COUNT(infos); i++) {
+        snprintf(number, sizeof number, "%zu", i);
+        options.device = i % 2 ? infos[i].name : number;
+        CHECK_STATUS(rt_gpu_open(&gpu, &options), infos[i].usable ? RT_OK : RT_ERROR_UNSUPPORTED);
+        if (gpu) {
+            rt_gpu_get_info(gpu, &info);
+            CHECK(strcmp(info.name, infos[i].name) == 0);
+        }
+        rt_gpu_close(gpu);
+    }
+    options.device = NULL;
+    setenv("RT_GPU_DEVICE", "nowhere", 1);
+    CHECK_STATUS(rt_gpu_open(&gpu, &options), RT_ERROR_NO_DEVICE);
+    CHECK(strstr(error.message, "nowhere"));
+    unsetenv("RT_GPU_DEVICE");
+    setenv("RT_GPU_LIBRARY", "libNoOpenCL.so", 1);
+    CHECK_STATUS(rt_gpu_open(&gpu, &options), RT_ERROR_NO_DEVICE);
+    CHECK(!gpu && strstr(error.message, "libNoOpenCL.so"));
+    CHECK_STATUS(rt_gpu_list(infos, 1, &count, &error), RT_ERROR_NO_DEVICE);
+    setenv("RT_GPU_LIBRARY", "libm.so.6", 1);
+    CHECK_STATUS(rt_gpu_open(&gpu, &options), RT_ERROR_NO_DEVICE);
+    CHECK(strstr(error.message, "lacks clGetPlatformIDs"));
+    unsetenv("RT_GPU_LIBRARY");
+    CHECK_STATUS(rt_gpu_open(NULL, &options), RT_ERROR_ARGUMENT);
+    rt_gpu_close(NULL);
+}
+
+/* Each mistake has its status and message, and nothing is different afterwards. */
+static void rtt_test_gpu_mistakes(void)
+{
+    rtt_model world = { 0 }, child = { 0 };
+    rtt_rays rays = { 0 };
+    rt_gpu *gpu[2];
+    rt_gpu_accel *there[2];
+    rt_gpu_buffer *from[2], *to[2];
+    rt_gpu_event *event;
+    rt_gpu_options open;
+    rt_trace_options opt;
+    rtt_accels accels;
+    rt_error error;
+    rt_stats stats;
+    rt_hit *hits;
+    float time = 0;
+
+    rtt_gpu_scene(&world, &child, &rays, RT_BVH);
+    hits = (rt_hit *)rtt_array(rays.count, sizeof *hits);
+    memset(&open, 0, sizeof open);
+    open.memory_user = &rtt_device.memory;
+    if (!rtt_accels_build(&accels, &world))
+        return;
+    for (int k = 0; k < 2; k++) {
+        CHECK_STATUS(rt_gpu_open(&gpu[k], &open), RT_OK);
+        CHECK_STATUS(rt_gpu_upload(gpu[k], &there[k], accels.of[RT_BVH], NULL), RT_OK);
+        CHECK_STATUS(rt_gpu_buffer_new(gpu[k], &from[k], rays.count * sizeof *rays.ray, NULL), RT_OK);
+        CHECK_STATUS(rt_gpu_buffer_new(gpu[k], &to[k], rays.count * sizeof *hits, NULL), RT_OK);
+        CHECK_STATUS(rt_gpu_write(from[k], 0, rays.ray, rays.count * sizeof *rays.ray, NULL), RT_OK);
+    }
+    memset(&opt, 0, sizeof opt);
+    opt.error = &error;
+#define MISTAKE(call, status, words) do { error.message[0] = 0; CHECK_STATUS(call, status); \
+        if (!strstr(error.message, words)) rtt_fail("line %d: \"%s\" says nothing of %s", __LINE__, error.message, words); } while (0)
+    MISTAKE(rt_gpu_trace(NULL, there[0], &opt, rays.ray, rays.count, hits), RT_ERROR_ARGUMENT, "gpu is NULL");
+    MISTAKE(rt_gpu_trace(gpu[0], NULL, &opt, rays.ray, rays.count, hits), RT_ERROR_ARGUMENT, "accel is NULL");
+    MISTAKE(rt_gpu_trace(gpu[0], there[0], &opt, NULL, rays.count, hits), RT_ERROR_ARGUMENT, "rays is NULL");
+    MISTAKE(rt_gpu_trace(gpu[0], there[0], &opt, rays.ray, rays.count, NULL), RT_ERROR_ARGUMENT, "hits is NULL");
+    MISTAKE(rt_gpu_trace(gpu[0], there[1], &opt, rays.ray, rays.count, hits), RT_ERROR_ARGUMENT, "another context");
+    MISTAKE(rt_gpu_trace(gpu[0], there[0], &opt, rays.ray, SIZE_MAX, hits), RT_ERROR_ARGUMENT, "too large");
+    opt.algorithm = RT_KD_STACK;
+    MISTAKE(rt_gpu_trace(gpu[0], there[0], &opt, rays.ray, rays.count, hits), RT_ERROR_ARGUMENT, "kd.stack is for a kdtree");
+    opt.algorithm = (rt_algorithm)77;
+    MISTAKE(rt_gpu_trace(gpu[0], there[0], &opt, rays.ray, rays.count, hits), RT_ERROR_ARGUMENT, "77");
+    opt.algorithm = RT_BVH_STACK;
+    opt.packet_width = 3;
+    MISTAKE(rt_gpu_trace(gpu[0], there[0], &opt, rays.ray, rays.count, hits), RT_ERROR_ARGUMENT, "packet_width");
+    opt.packet_width = 0;
+    opt.cull = RT_CULL_BOTH;
+    MISTAKE(rt_gpu_trace(gpu[0], there[0], &opt, rays.ray, rays.count, hits), RT_ERROR_ARGUMENT, "cull");
+    opt.cull = RT_CULL_NONE;
+    opt.query = (rt_query)2;
+    MISTAKE(rt_gpu_trace(gpu[0], there[0], &opt, rays.ray, rays.count, hits), RT_ERROR_ARGUMENT, "query");
+    opt.query = RT_CLOSEST;
+    opt.short_stack = -1;
+    MISTAKE(rt_gpu_trace(gpu[0], there[0], &opt, rays.ray, rays.count, hits), RT_ERROR_ARGUMENT, "short_stack");
+    opt.short_stack = 0;
+    opt.stats = &stats;
+    MISTAKE(rt_gpu_trace(gpu[0], there[0], &opt, rays.ray, rays.count, hits), RT_ERROR_UNSUPPORTED, "stats");
+    opt.stats = NULL;
+    opt.times = &time;
+    MISTAKE(rt_gpu_trace_buffers(gpu[0], there[0], &opt, from[0], NULL, rays.count, to[0], &event), RT_ERROR_ARGUMENT, "times");
+    opt.times = NULL;
+    MISTAKE(rt_gpu_trace_buffers(gpu[0], there[0], &opt, from[1], NULL, rays.count, to[0], &event), RT_ERROR_ARGUMENT, "rays belongs to another");
+    MISTAKE(rt_gpu_trace_buffers(gpu[0], there[0], &opt, from[0], NULL, rays.count, to[1], &event), RT_ERROR_ARGUMENT, "hits belongs to another");
+    MISTAKE(rt_gpu_trace_buffers(gpu[0], there[0], &opt, from[0], from[1], rays.count, to[0], &event), RT_ERROR_ARGUMENT, "times belongs to");
+    MISTAKE(rt_gpu_trace_buffers(gpu[0], there[0], &opt, from[0], NULL, rays.count + 1, to[0], &event), RT_ERROR_ARGUMENT, "rays has");
+    MISTAKE(rt_gpu_trace_buffers(gpu[0], there[0], &opt, NULL, NULL, rays.count, to[0], &event), RT_ERROR_ARGUMENT, "rays is NULL");
+    MISTAKE(rt_gpu_trace_buffers(gpu[0], there[0], &opt, from[0], NULL, 0, to[0], &event), RT_ERROR_ARGUMENT, "no rays");
+    CHECK(!event);
+    MISTAKE(rt_gpu_upload(gpu[0], NULL, accels.of[RT_BVH], &error), RT_ERROR_ARGUMENT, "out is NULL");
+    MISTAKE(rt_gpu_buffer_new(gpu[0], &from[1], 0, &error), RT_ERROR_ARGUMENT, "no bytes");
+    CHECK(!from[1]);
+    MISTAKE(rt_gpu_write(from[0], 8, rays.ray, rays.count * sizeof *rays.ray, &error), RT_ERROR_ARGUMENT, "of a buffer of");
+    MISTAKE(rt_gpu_read(from[0], SIZE_MAX, rays.ray, 1, &error), RT_ERROR_ARGUMENT, "of a buffer of");
+    MISTAKE(rt_gpu_read(from[0], 0, NULL, 1, &error), RT_ERROR_ARGUMENT, "NULL");
+    MISTAKE(rt_gpu_write(NULL, 0, rays.ray, 1, &error), RT_ERROR_ARGUMENT, "NULL");
+    MISTAKE(rt_gpu_wait(NULL, NULL, &error), RT_ERROR_ARGUMENT, "NULL");
+    MISTAKE(rt_gpu_finish(NULL, &error), RT_ERROR_ARGUMENT, "NULL");
+    for (int k = 0; k < 2; k++) {
+        CHECK_STATUS(rt_gpu_trace(gpu[k], there[k], &opt, rays.ray, rays.count, hits), RT_OK);
+        for (size_t i = 0; i < rays.count; i++)
+            if (!rtt_same(hits[i], rtt_closest(&world, &rays.ray[i]))) {
+                rtt_fail("context %d, ray %zu after mistakes", k, i);
+                break;
+            }
+        rt_gpu_close(gpu[k]);               /* and with it all that it has made */
+    }
+    rtt_accels_free(&accels);
+    rtt_model_free(&world);
+    rtt_model_free(&child);
+    rtt_rays_free(&rays);
+    free(hits);
+}
+
+/* A compiler that refuses: its words are there, and the context lives on. */
+static void rtt_test_gpu_log(void)
+{
+    rtt_model world = { 0 }, child = { 0 };
+    rtt_rays rays = { 0 };
+    rt_gpu_options open;
+    rt_trace_options opt;
+    rt_gpu_accel *there;
+    rt_gpu_buffer *buffer;
+    rtt_accels accels;
+    rt_error error;
+    rt_gpu *gpu;
+    rt_hit hit;
+
+    rtt_gpu_scene(&world, &child, &rays, RT_BVH);
+    memset(&open, 0, sizeof open);
+    memset(&opt, 0, sizeof opt);
+    open.memory_user = &rtt_device.memory;
+    opt.error = &error;
+    if (!rtt_accels_build(&accels, &world))
+        return;
+    open.flags = "-Drti_prepare=+";
+    CHECK_STATUS(rt_gpu_open(&gpu, &open), RT_OK);
+    CHECK(strcmp(rt_gpu_log(gpu), "") == 0);
+    CHECK_STATUS(rt_gpu_upload(gpu, &there, accels.of[RT_BVH], NULL), RT_OK);
+    for (int k = 0; k < 3; k++) {
+        CHECK_STATUS(rt_gpu_trace(gpu, there, &opt, rays.ray, 1, &hit), RT_ERROR_UNSUPPORTED);
+        CHECK(strstr(error.message, "cannot compile") && strstr(error.message, "error"));
+        CHECK(strstr(rt_gpu_log(gpu), "error") && rt_gpu_program_count(gpu) == 0);
+    }
+    CHECK_STATUS(rt_gpu_buffer_new(gpu, &buffer, 100, NULL), RT_OK);
+    CHECK_STATUS(rt_gpu_write(buffer, 0, &hit, sizeof hit, NULL), RT_OK);
+    rt_gpu_close(gpu);
+    open.flags = "-DRTT_HARMLESS";
+    CHECK_STATUS(rt_gpu_open(&gpu, &open), RT_OK);
+    CHECK_STATUS(rt_gpu_upload(gpu, &there, accels.of[RT_BVH], NULL), RT_OK);
+    CHECK_STATUS(rt_gpu_prepare(gpu, there, &opt), RT_OK);
+    CHECK(rt_gpu_program_count(gpu) == 1);
+    CHECK_STATUS(rt_gpu_trace(gpu, there, &opt, rays.ray, 1, &hit), RT_OK);
+    CHECK(rt_gpu_program_count(gpu) == 1 && rtt_same(hit, rtt_closest(&world, rays.ray)));
+    rt_gpu_close(gpu);
+    rtt_accels_free(&accels);
+    rtt_model_free(&world);
+    rtt_model_free(&child);
+    rtt_rays_free(&rays);
+}
+
+/* The device's memory ends, at the limit and for real; the host's, at every allocation. */
+static void rtt_test_gpu_memory(void)
+{
+    rtt_model world = { 0 }, child = { 0 };
+    rtt_rays rays = { 0 };
+    rtt_memory memory = { 0 };
+    rt_gpu_options open;
+    rt_trace_options opt;
+    rt_gpu_accel *there;
+    rt_gpu_buffer *buffer;
+    rtt_accels accels;
+    rt_gpu_info info;
+    rt_error error;
+    rt_gpu *gpu;
+    rt_hit *hits;
+    size_t bytes;
+    bool done = false;
+
+    rtt_gpu_scene(&world, &child, &rays, RT_THREADED);
+    hits = (rt_hit *)rtt_array(rays.count, sizeof *hits);
+    memset(&open, 0, sizeof open);
+    memset(&opt, 0, sizeof opt);
+    open.memory_user = &memory;
+    opt.error = open.error = &error;
+    if (!rtt_accels_build(&accels, &world))
+        return;
+    CHECK_STATUS(rt_gpu_open(&gpu, &open), RT_OK);
+    rt_gpu_get_info(gpu, &info);
+    CHECK_STATUS(rt_gpu_upload(gpu, &there, accels.of[RT_THREADED], &error), RT_OK);
+    bytes = rt_gpu_bytes(there);
+    CHECK_STATUS(rt_gpu_buffer_new(gpu, &buffer, (size_t)info.largest + 1, &error), RT_ERROR_MEMORY);
+    CHECK(!buffer && strstr(error.message, "MB"));
+    CHECK_STATUS(rt_gpu_trace(gpu, there, &opt, rays.ray, 1, hits), RT_OK);
+    rt_gpu_close(gpu);
+    open.memory_limit = bytes + sizeof(rt_ray) + sizeof(rt_hit);
+    CHECK_STATUS(rt_gpu_open(&gpu, &open), RT_OK);
+    CHECK_STATUS(rt_gpu_upload(gpu, &there, accels.of[RT_THREADED], &error), RT_OK);
+    CHECK_STATUS(rt_gpu_trace(gpu, there, &opt, rays.ray, rays.count, hits), RT_ERROR_MEMORY);      /* no room for them */
+    CHECK_STATUS(rt_gpu_trace(gpu, there, &opt, rays.ray, 1, hits), RT_OK);
+    CHECK(rtt_same(hits[0], rtt_closest(&world, rays.ray)));
+    rt_gpu_close(gpu);
+    open.memory_limit = bytes - 1;
+    CHECK_STATUS(rt_gpu_open(&gpu, &open), RT_OK);
+    CHECK_STATUS(rt_gpu_upload(gpu, &there, accels.of[RT_THREADED], &error), RT_ERROR_MEMORY);
+    CHECK(!there);
+    CHECK_STATUS(rt_gpu_buffer_new(gpu, &buffer, bytes - 1, &error), RT_OK);
+    CHECK_STATUS(rt_gpu_buffer_new(gpu, &buffer, 1, &error), RT_ERROR_MEMORY);
+    rt_gpu_close(gpu);
+    CHECK(memory.blocks == 0);
+    open.memory_limit = 0;
+    for (size_t fail = 1; !done && fail < 200; fail++) {
+        memory.calls = 0;
+        memory.fail_at = fail;
+        there = NULL;
+        done = rt_gpu_open(&gpu, &open) == RT_OK && rt_gpu_upload(gpu, &there, accels.of[RT_THREADED], &error) == RT_OK
+            && rt_gpu_trace(gpu, there, &opt, rays.ray, 1, hits) == RT_OK;
+        CHECK(done || error.status == RT_ERROR_MEMORY);
+        CHECK(!done || memory.calls < fail);
+        rt_gpu_close(gpu);
+        CHECK(memory.blocks == 0);
+    }
+    CHECK(done);
+    rtt_accels_free(&accels);
+    rtt_model_free(&world);
+    rtt_model_free(&child);
+    rtt_rays_free(&rays);
+    free(hits);
+}
+
+/* Batches that follow each other without a wait, in two contexts that take turns; events say when each is done. */
+static void rtt_test_gpu_async(void)
+{
+    enum { BATCHES = 8 };
+    rtt_model world = { 0 }, child = { 0 };
+    rtt_rays rays = { 0 };
+    rt_gpu *gpu[2];
+    rt_gpu_accel *there[2];
+    rt_gpu_buffer *from[2], *to[2][BATCHES];
+    rt_gpu_event *events[2][BATCHES];
+    rt_gpu_options open;
+    rtt_accels accels;
+    rt_hit *want, *got;
+    size_t bytes;
+
+    rtt_gpu_scene(&world, &child, &rays, RT_KDTREE);
+    want = (rt_hit *)rtt_array(rays.count, sizeof *want);
+    got = (rt_hit *)rtt_array(rays.count, sizeof *got);
+    bytes = rays.count * sizeof *got;
+    memset(&open, 0, sizeof open);
+    open.memory_user = &rtt_device.memory;
+    if (!rtt_accels_build(&accels, &world))
+        return;
+    for (size_t i = 0; i < rays.count; i++)
+        want[i] = rtt_closest(&world, &rays.ray[i]);
+    for (int k = 0; k < 2; k++) {
+        CHECK_STATUS(rt_gpu_open(&gpu[k], &open), RT_OK);
+        CHECK_STATUS(rt_gpu_upload(gpu[k], &there[k], accels.of[k ? RT_THREADED : RT_KDTREE], NULL), RT_OK);
+        CHECK_STATUS(rt_gpu_buffer_new(gpu[k], &from[k], rays.count * sizeof *rays.ray, NULL), RT_OK);
+        CHECK_STATUS(rt_gpu_write(from[k], 0, rays.ray, rays.count * sizeof *rays.ray, NULL), RT_OK);
+        for (int b = 0; b < BATCHES; b++) CHECK_STATUS(rt_gpu_buffer_new(gpu[k], &to[k][b], bytes, NULL), RT_OK);
+    }
+    for (int b = 0; b < BATCHES; b++)
+        for (int k = 0; k < 2; k++)
+            CHECK_STATUS(rt_gpu_trace_buffers(gpu[k], there[k], NULL, from[k], NULL, rays.count, to[k][b], &events[k][b]), RT_OK);
+    for (int b = BATCHES; b-- > 0;)
+        for (int k = 0; k < 2; k++) {
+            double seconds = -1;
+
+            if (b % 3 == 0)
+                while (!rt_gpu_done(events[k][b])) {}
+            if (b % 2) CHECK_STATUS(rt_gpu_wait(events[k][b], &seconds, NULL), RT_OK);
+            CHECK(b % 2 == 0 || (seconds > 0 && seconds < 60));
+            CHECK_STATUS(rt_gpu_read(to[k][b], 0, got, bytes, NULL), RT_OK);
+            CHECK(memcmp(got, want, bytes) == 0);
+        }
+    for (int k = 0; k < 2; k++) {
+        CHECK_STATUS(rt_gpu_finish(gpu[k], NULL), RT_OK);
+        rt_gpu_free(there[k]);
+        rt_gpu_buffer_free(from[k]);
+        rt_gpu_close(gpu[k]);               /* with the events that nobody waited for */
+    }
+    rtt_accels_free(&accels);
+    rtt_model_free(&world);
+    rtt_model_free(&child);
+    rtt_rays_free(&rays);
+    free(want);
+    free(got);
+}
+
+static size_t rtt_resident(void)
+{
+    unsigned long whole = 0, resident = 0;
+    FILE *file = fopen("/proc/self/statm", "r");
+
+    if (!file || fscanf(file, "%lu %lu", &whole, &resident) != 2)
+        rtt_die("/proc/self/statm");
+    fclose(file);
+    return resident * (size_t)sysconf(_SC_PAGESIZE);
+}
+
+/* 10,000 times an accel, a buffer and a trace; and contexts. What PoCL keeps of programs is not counted: they are compiled before. */
+static void rtt_test_gpu_cycles(void)
+{
+    rtt_model world = { 0 }, child = { 0 };
+    rtt_rays rays = { 0 };
+    rt_gpu_options open;
+    rtt_accels accels;
+    rt_gpu *gpu = NULL;
+    size_t start = 0, blocks = rtt_device.memory.blocks;
+    rt_hit hit;
+
+    rtt_gpu_scene(&world, &child, &rays, RT_BVH);
+    memset(&open, 0, sizeof open);
+    open.memory_user = &rtt_device.memory;
+    if (!rtt_accels_build(&accels, &world) || !CHECK_STATUS(rt_gpu_open(&gpu, &open), RT_OK))
+        return;
+    for (int i = 0; i < 10000; i++) {
+        rt_gpu_accel *there;
+        rt_gpu_buffer *buffer;
+
+        if (i == 500)
+            start = rtt_resident();
+        if (rt_gpu_upload(gpu, &there, accels.of[i % RT_STRUCTURE_COUNT], NULL) != RT_OK || rt_gpu_buffer_new(gpu, &buffer, 1 << 20, NULL) != RT_OK
+            || rt_gpu_write(buffer, (size_t)i, &hit, sizeof hit, NULL) != RT_OK || rt_gpu_trace(gpu, there, NULL, rays.ray, 1, &hit) != RT_OK) {
+            rtt_fail("cycle %d", i);
+            break;
+        }
+        rt_gpu_free(there);
+        rt_gpu_buffer_free(buffer);
+    }
+    rt_gpu_close(gpu);
+    if (rtt_resident() > start + (4u << 20))
+        rtt_fail("9,500 accels: from %.1f to %.1f MB", 1e-6 * (double)start, 1e-6 * (double)rtt_resident());
+    for (int i = 0; i < 1000; i++) {
+        if (i == 100)
+            start = rtt_resident();
+        if (!CHECK_STATUS(rt_gpu_open(&gpu, &open), RT_OK))
+            break;
+        rt_gpu_close(gpu);
+    }
+    if (rtt_resident() > start + (4u << 20))
+        rtt_fail("900 contexts: from %.1f to %.1f MB", 1e-6 * (double)start, 1e-6 * (double)rtt_resident());
+    CHECK(rtt_device.memory.blocks == blocks);
+    rtt_accels_free(&accels);
+    rtt_model_free(&world);
+    rtt_model_free(&child);
+    rtt_rays_free(&rays);
+}
+
 /* ---- >>main ----------------------------------------------------------------------------------------------------------- */
 
 static const rtt_test rtt_tests[] = {
@@ -8948,6 +9504,13 @@ static const rtt_test rtt_tests[] = {
     { "loaders.pool", rtt_test_pool },
     { "programs.quick-start", rtt_test_quick_start },
     { "programs.readme", rtt_test_readme },
+    { "gpu.devices", rtt_test_gpu_devices },
+    { "gpu.specialised", rtt_test_gpu_specialised },
+    { "gpu.mistakes", rtt_test_gpu_mistakes },
+    { "gpu.log", rtt_test_gpu_log },
+    { "gpu.memory", rtt_test_gpu_memory },
+    { "gpu.async", rtt_test_gpu_async },
+    { "gpu.cycles", rtt_test_gpu_cycles },
 };
 
 int main(int argc, char **argv)
@@ -8966,12 +9529,16 @@ int main(int argc, char **argv)
             rtt.seed = strtoull(argv[++i], NULL, 0);
         else if (strcmp(argv[i], "--big") == 0)
             rtt.big = true;
+        else if (strcmp(argv[i], "--no-gpu") == 0)
+            rtt.no_gpu = true;
         else if (argv[i][0] == '-') {
-            fprintf(stderr, "usage: %s [--list] [--seed N] [--big] [NAME]...\n", argv[0]);
+            fprintf(stderr, "usage: %s [--list] [--seed N] [--big] [--no-gpu] [NAME]...\n", argv[0]);
             return 2;
         } else
             argv[1 + filters++] = argv[i];
     rtt_ways_find();
+    if (!rtt.no_gpu)
+        rtt_device_open();
     printf("seed %llu, %s, %zu ways to trace\n", (unsigned long long)rtt.seed, rtt_isa_names[rt_best_isa()], rtt_way_count);
     failed += rtt.failures > 0;             /* a way that should be open is not */
     for (size_t t = 0; t < RTT_COUNT(rtt_tests); t++) {
@@ -8980,7 +9547,7 @@ int main(int argc, char **argv)
 
         for (int i = 1; i <= filters; i++)
             wanted = wanted || strstr(rtt_tests[t].name, argv[i]);
-        if (!wanted)
+        if (!wanted || (rtt.no_gpu && strncmp(rtt_tests[t].name, "gpu.", 4) == 0))
             continue;
         rtt.test = rtt_tests[t].name;
         rtt.failures = 0;
@@ -9000,6 +9567,13 @@ int main(int argc, char **argv)
     }
     printf("hits checksum: 0x%016llx over %llu rays in %llu cases\n", (unsigned long long)rtt.checksum, (unsigned long long)rtt.rays,
            (unsigned long long)rtt.cases);
+    if (rtt_device.gpu)
+        printf("%zu programs for the device\n", rt_gpu_program_count(rtt_device.gpu));
+    rt_gpu_close(rtt_device.gpu);
+    if (rtt_device.memory.blocks != 0) {
+        printf("FAIL %zu blocks of the device's context not freed\n", rtt_device.memory.blocks);
+        failed++;
+    }
     printf("%d passed, %d failed, 0 skipped\n", passed, failed);
     return failed ? 1 : 0;
 }
