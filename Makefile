@@ -22,6 +22,12 @@ need = @command -v $(1) >/dev/null || $(SUDO) apt-get install -y -q $(2) >/dev/n
         { $(SUDO) apt-get update -q >/dev/null 2>&1; $(SUDO) apt-get install -y -q $(2) >/dev/null 2>&1; } || \
         { echo "make: $(1) is missing and cannot be installed from here: install the package $(2)"; exit 1; }
 
+# OpenCL: PoCL, which makes a device of any CPU, where there is no driver. What it compiles it keeps here.
+export POCL_CACHE_DIR ?= $(CURDIR)/build/pocl
+opencl = @ls /etc/OpenCL/vendors/*.icd >/dev/null 2>&1 || $(SUDO) apt-get install -y -q pocl-opencl-icd ocl-icd-libopencl1 >/dev/null 2>&1 || \
+          { $(SUDO) apt-get update -q >/dev/null 2>&1; $(SUDO) apt-get install -y -q pocl-opencl-icd ocl-icd-libopencl1 >/dev/null 2>&1; } || \
+          { echo "make: OpenCL is missing and cannot be installed from here: install pocl-opencl-icd and ocl-icd-libopencl1"; exit 1; }
+
 all: $(B)/render $(B)/animate $(B)/hello $(B)/bench $(B)/rt_test
 
 COMPILE = $(CC) -std=c99 $(WARN) $(FLAGS_$(config)) $(CFLAGS) -I. -MMD -MP -MF $@.d -o $@ $<
@@ -51,27 +57,36 @@ demo: $(B)/render $(B)/animate $(B)/hello | out
 	$(B)/animate -o out/animate --frames 6 --fps 6
 
 test: all
+	$(opencl)
+	@mkdir -p $(POCL_CACHE_DIR)
 	$(B)/rt_test
 
 bench: $(B)/bench | out
 	$(B)/bench $(or $(BENCH),--paper all --svg out)
 
-# Sanitizers see every test; valgrind, 30 times slower, those that matter for memory; the thread sanitizer those with threads.
+# Sanitizers see every test but those of OpenCL's drivers, which leak; of rt_gpu.h they see some; oclgrind sees every kernel. Valgrind, 30 times slower, those that matter for memory; the thread sanitizer those with threads.
 VALGRIND_TESTS = hits.mixed hits.spheres hits.short instances.deep instances.bad rays refit build.layouts build.quality kdtree.nested kdtree.options \
                  threaded.nested motion.bad ground.bad textures.check options stats shading raster.memory raster.errors raster.render loaders.obj.errors loaders.obj.numbers loaders.obj.textures loaders.nff
+GPU_TESTS      = gpu.mistakes gpu.log gpu.memory gpu.async gpu.cycles
+OCLGRIND      ?= /usr/lib/oclgrind/liboclgrind-rt.so
 THREAD_TESTS   = threads build.parallel shading.render raster.render
-check:
+check: $(B)/rt_test
 	$(call need,valgrind,valgrind)
+	$(call need,oclgrind,oclgrind)
+	$(opencl)
 	$(MAKE) config=asan build/asan/rt_test build/asan/render build/asan/rt_fuzz
-	build/asan/rt_test
+	build/asan/rt_test --no-gpu
+	ASAN_OPTIONS=detect_leaks=0 build/asan/rt_test $(GPU_TESTS)
 	build/asan/rt_fuzz 300
 	build/asan/render rings:2 -o build/asan/rings.ppm --size 160x120
 	$(MAKE) config=tsan build/tsan/rt_test build/tsan/render
-	build/tsan/rt_test $(THREAD_TESTS)
+	build/tsan/rt_test --no-gpu $(THREAD_TESTS)
 	build/tsan/render balls:2 -o build/tsan/balls.ppm --size 160x120 --threads 4
 	$(MAKE) config=valgrind build/valgrind/rt_test build/valgrind/hello
 	valgrind -q --error-exitcode=1 --leak-check=full build/valgrind/hello >/dev/null
-	valgrind -q --error-exitcode=1 --leak-check=full build/valgrind/rt_test $(VALGRIND_TESTS)
+	valgrind -q --error-exitcode=1 --leak-check=full build/valgrind/rt_test --no-gpu $(VALGRIND_TESTS)
+	RT_GPU_LIBRARY=$(OCLGRIND) oclgrind --data-races --check-api --max-errors 20 --log build/oclgrind.log build/rt_test --any-gpu gpu.small
+	@test ! -s build/oclgrind.log || { cat build/oclgrind.log; exit 1; }
 
 # libFuzzer where clang has it, FUZZ seconds (default 60); and random inputs with any compiler.
 FUZZ ?= 60

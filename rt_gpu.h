@@ -52,6 +52,7 @@ typedef struct {
     char name[128], platform[128], version[64];
     bool gpu;                               /* else a CPU, or an accelerator */
     bool usable;                            /* false: lacks tells why */
+    bool exact;                             /* float division is correctly rounded: hits are those of the CPU, bit for bit */
     char lacks[64];
     uint32_t units;                         /* compute units */
     uint64_t memory, largest;               /* bytes: of the device, and of one buffer at most */
@@ -68,6 +69,7 @@ typedef struct {
     const char *device;                     /* "gpu", "cpu", a number of rt_gpu_list, or part of a name; NULL: the environment's
                                                RT_GPU_DEVICE, or else the first GPU that is usable, or else the first device that is */
     size_t memory_limit;                    /* bytes that all buffers may take together; 0: what the device has */
+    bool inexact;                           /* a device that is not exact will do too: t, u and v may differ in their last bits */
     bool general;                           /* compile programs for any scene, not for the one at hand: fewer and slower */
     const char *flags;                      /* more of them for OpenCL's compiler */
     void *memory_user;                      /* given to RT_MALLOC and RT_FREE */
@@ -75,7 +77,7 @@ typedef struct {
 } rt_gpu_options;
 
 /* Opens a device; opt NULL = defaults. RT_ERROR_NO_DEVICE: no OpenCL, no such device; RT_ERROR_UNSUPPORTED: it lacks something (double
-   precision, denormals, correctly rounded division), which the message names. *out is NULL then. */
+   precision, denormals; correctly rounded division, unless opt->inexact), which the message names. *out is NULL then. */
 RT_API rt_status rt_gpu_open(rt_gpu **out, const rt_gpu_options *opt);
 
 /* Waits for what still runs and frees the context with all that it made; NULL is fine. */
@@ -367,7 +369,7 @@ static void rti_gpu_describe(const rti_cl_api *cl, rti_cl platform, rti_cl devic
     else if (!rti_gpu_number(cl, device, RTI_CL_DEVICE_LITTLE)) lacks = "is big-endian";
     else if (!rti_gpu_number(cl, device, RTI_CL_DEVICE_DOUBLE)) lacks = "has no double precision";
     else if (!(single & RTI_CL_DENORM)) lacks = "has no denormal floats";
-    else if (!(single & RTI_CL_ROUNDED_DIVIDE)) lacks = "has no correctly rounded division";
+    info->exact = (single & RTI_CL_ROUNDED_DIVIDE) != 0;
     info->usable = !lacks;
     if (lacks) snprintf(info->lacks, sizeof info->lacks, "%s", lacks);
 }
@@ -417,7 +419,7 @@ static bool rti_gpu_has(const char *text, const char *part)
 }
 
 /* The device that is asked for, see rt_gpu_options. */
-static rt_status rti_gpu_choose(const rti_cl_api *cl, const char *asked, rti_cl *device, rt_gpu_info *info, rt_error *error)
+static rt_status rti_gpu_choose(const rti_cl_api *cl, const char *asked, bool inexact, rti_cl *device, rt_gpu_info *info, rt_error *error)
 {
     rti_cl devices[RTI_GPU_DEVICES], platforms[RTI_GPU_DEVICES];
     const bool any = !asked || !*asked, number = !any && strspn(asked, "0123456789") == strlen(asked);
@@ -431,6 +433,10 @@ static rt_status rti_gpu_choose(const rti_cl_api *cl, const char *asked, rti_cl 
     for (i = 0; i < count; i++) {
         int rank = 0;
         rti_gpu_describe(cl, platforms[i], devices[i], &one);
+        if (one.usable && !one.exact && !inexact) {
+            one.usable = false;
+            snprintf(one.lacks, sizeof one.lacks, "has no correctly rounded division");
+        }
         if (any) rank = one.usable ? one.gpu ? 3 : 2 : 1;
         else if (number ? strtoul(asked, NULL, 10) == i : gpu ? one.gpu : cpu ? !one.gpu : rti_gpu_has(one.name, asked) || rti_gpu_has(one.platform, asked))
             rank = one.usable ? 2 : 1;
@@ -472,7 +478,7 @@ RT_API rt_status rt_gpu_open(rt_gpu **out, const rt_gpu_options *opt)
     gpu->general = opt->general;
     status = rti_cl_load(&gpu->cl, opt->error);
     if (status == RT_OK)
-        status = rti_gpu_choose(&gpu->cl, opt->device ? opt->device : getenv("RT_GPU_DEVICE"), &gpu->device, &gpu->info, opt->error);
+        status = rti_gpu_choose(&gpu->cl, opt->device ? opt->device : getenv("RT_GPU_DEVICE"), opt->inexact, &gpu->device, &gpu->info, opt->error);
     if (status == RT_OK) {
         gpu->memory_limit = opt->memory_limit;
         if (!gpu->memory_limit || gpu->memory_limit > gpu->info.memory) gpu->memory_limit = (size_t)gpu->info.memory;
@@ -1251,6 +1257,7 @@ static void rti_gpu_append_part(rti_gpu_source *s, int part)
 /* Which program: all that it is compiled for. Compared as bytes. */
 typedef struct {
     uint32_t algorithm, query, width, entries, side, cull;
+    uint32_t general;                       /* 1: algorithm stands for all of its structure and width, and entries for as many or fewer */
     uint32_t level_count;
     rti_gpu_level levels[RT_MAX_NESTING + 1];
 } rti_gpu_key;
@@ -1292,8 +1299,13 @@ static void rti_gpu_define_all(rti_gpu_source *s, const rt_gpu *gpu, const rti_g
     rti_gpu_define(s, "RTI_NOINLINE RTI_CALL");
     rti_gpu_define(s, "RTI_WIDE_NODE %s", gpu->info.gpu ? "rti_gpu_compact" : "rti_gpu_wide");
     rti_gpu_define(s, "RTI_QUERY %u", key->query);
-    rti_gpu_define(s, "RTI_ALGORITHM %u", key->algorithm);
-    rti_gpu_define(s, "RTI_ENTRIES %u", key->entries);
+    if (key->general) {
+        rti_gpu_define(s, "RTI_ALGORITHM algorithm");
+        rti_gpu_define(s, "RTI_ENTRIES entries");
+    } else {
+        rti_gpu_define(s, "RTI_ALGORITHM %u", key->algorithm);
+        rti_gpu_define(s, "RTI_ENTRIES %u", key->entries);
+    }
     rti_gpu_define(s, "RTI_SHORT_STACK %u", key->entries ? key->entries : 1);
     rti_gpu_define(s, "RTI_MOVES %d", (int)moves);
     rti_gpu_define(s, "RTI_WIDTH %u", key->width);
@@ -1328,7 +1340,8 @@ static void rti_gpu_append_level(rti_gpu_source *s, const rti_gpu_key *key, uint
     const rti_gpu_level *level = &key->levels[i];
     const bool wide = key->algorithm == RT_BVH_WIDE, bvh = (level->structures & 1u << RT_BVH) != 0;
     const bool kd = (level->structures & 1u << RT_KDTREE) != 0, threaded = (level->structures & 1u << RT_THREADED) != 0;
-    const bool stack = key->algorithm == RT_KD_STACK || key->algorithm == RT_KD_BACKTRACK, restart = key->algorithm != RT_KD_STACK;
+    const bool stack = key->general || key->algorithm == RT_KD_STACK || key->algorithm == RT_KD_BACKTRACK;
+    const bool restart = key->general || key->algorithm != RT_KD_STACK;
     const bool instances = i + 1 < key->level_count;
     const uint32_t all = level->kinds & ~(1u << RTI_TRIANGLE) ? RTI_WALK_ALL : 0, any = key->query == RT_ANY ? RTI_WALK_ANY : 0;
     uint32_t depth = level->depth > 0 ? level->depth : 1;
@@ -1416,8 +1429,8 @@ static rt_status rti_gpu_refused(rt_gpu *gpu, rti_cl program, rti_cl_int code, r
 
 static rt_status rti_gpu_compile(rt_gpu *gpu, const rti_gpu_key *key, rti_gpu_program **out, rt_error *error)
 {
-    static const char flags[] = "-cl-std=CL1.2 -cl-fp32-correctly-rounded-divide-sqrt ";
-    const size_t length = sizeof flags + strlen(gpu->flags);
+    const char *const flags = gpu->info.exact ? "-cl-std=CL1.2 -cl-fp32-correctly-rounded-divide-sqrt " : "-cl-std=CL1.2 ";
+    const size_t length = strlen(flags) + strlen(gpu->flags) + 1;
     rti_gpu_program *program = (rti_gpu_program *)rti_alloc(1, sizeof *program, gpu->memory_user);
     char *all = (char *)rti_alloc(length, 1, gpu->memory_user);
     rti_gpu_source s;
@@ -1473,16 +1486,18 @@ static uint32_t rti_gpu_round_depth(uint32_t depth, uint32_t step) { return (dep
 /* What the program must be able to do, or, where it may be general, what it may have to. */
 static void rti_gpu_set_levels(const rt_gpu *gpu, const rt_gpu_accel *accel, rti_gpu_key *key)
 {
+    const uint32_t levels = (uint32_t)accel->level_count;
     int i;
-    key->level_count = (uint32_t)accel->level_count;
-    if (gpu->general && RTI_INSTANCES && key->level_count < 2) key->level_count = 2;
+    key->level_count = levels;
+    if (gpu->general && RTI_INSTANCES) key->level_count = levels <= 2 ? 2 : levels <= 4 ? 4 : levels;       /* all that is deeper would take a minute */
     for (i = 0; i < (int)key->level_count; i++) {
         rti_gpu_level *level = &key->levels[i];
         *level = accel->levels[i];
         level->depth = rti_gpu_round_depth(level->depth, 8);
         level->wide_depth = rti_gpu_round_depth(level->wide_depth, 2);
         if (!gpu->general) continue;
-        level->structures = i < accel->level_count ? level->structures | (i ? 0 : 1u << accel->structure) : 1u << RT_BVH;
+        if (!i) level->structures = 1u << accel->structure;
+        else if (levels <= 4) level->structures = (1u << RT_BVH) | (RTI_KDTREE ? 1u << RT_KDTREE : 0) | (RTI_THREADED ? 1u << RT_THREADED : 0);
         level->kinds = 1u << RTI_TRIANGLE | (RTI_SPHERES ? 1u << RTI_SPHERE : 0) | (RTI_INSTANCES ? 1u << RTI_INSTANCE : 0);
         level->bounds = RTI_THREADED ? 3 : 0;
         level->planes = RTI_PLANES;
@@ -1493,6 +1508,12 @@ static void rti_gpu_set_levels(const rt_gpu *gpu, const rt_gpu_accel *accel, rti
 }
 
 /* ---- >>gpu-run ------------------------------------------------------------------------------------------------------ */
+
+/* A call of rt_gpu_trace, resolved. */
+typedef struct {
+    rti_gpu_program *program;
+    int32_t algorithm, entries;             /* for those that are for several */
+} rti_gpu_task;
 
 /* Packet widths in the rt_trace_options sense that there are kernels for; the default first. */
 static const int *rti_gpu_width_list(rt_algorithm algorithm, size_t *n)
@@ -1516,8 +1537,19 @@ RT_API size_t rt_gpu_widths(rt_algorithm algorithm, int *widths, size_t max)
     return n;
 }
 
+/* What a general program does for: another algorithm of its structure, or the first of those that one program is for. */
+static void rti_gpu_generalise(rti_gpu_key *key)
+{
+    key->general = 1;
+    if (key->algorithm >= RT_KD_STACK && key->algorithm <= RT_KD_BACKTRACK) {
+        key->algorithm = RT_KD_SHORTSTACK;
+        key->entries = RT_MAX_SHORT_STACK;
+    } else if (key->algorithm == RT_BVH_SIMD) key->algorithm = RT_BVH_STACK;
+    else if (key->algorithm == RT_THREADED_PARALLEL) key->algorithm = RT_THREADED_SINGLE;
+}
+
 /* From options to the program that does it. */
-static rt_status rti_gpu_choose_program(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt, rti_gpu_program **out)
+static rt_status rti_gpu_choose_program(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt, rti_gpu_task *task)
 {
     rt_algorithm algorithm = opt->algorithm;
     rti_gpu_program *program;
@@ -1551,24 +1583,28 @@ static rt_status rti_gpu_choose_program(rt_gpu *gpu, const rt_gpu_accel *accel, 
         key.cull = (uint32_t)opt->cull;
     }
     key.entries = algorithm != RT_KD_SHORTSTACK ? 0 : opt->short_stack ? (uint32_t)opt->short_stack : 3;
+    task->algorithm = (int32_t)key.algorithm;
+    task->entries = (int32_t)key.entries;
+    if (gpu->general) rti_gpu_generalise(&key);
     rti_gpu_set_levels(gpu, accel, &key);
     for (program = gpu->programs; program && memcmp(&program->key, &key, sizeof key); program = program->next) {}
     if (!program && (status = rti_gpu_compile(gpu, &key, &program, opt->error)) != RT_OK) return status;
-    *out = program;
+    task->program = program;
     return RT_OK;
 }
 
 RT_API rt_status rt_gpu_prepare(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt)
 {
     rt_trace_options defaults;
-    rti_gpu_program *program;
+    rti_gpu_task task;
     memset(&defaults, 0, sizeof defaults);
-    return rti_gpu_choose_program(gpu, accel, opt ? opt : &defaults, &program);
+    return rti_gpu_choose_program(gpu, accel, opt ? opt : &defaults, &task);
 }
 
-static rt_status rti_gpu_launch(rt_gpu *gpu, const rti_gpu_program *program, const rt_gpu_accel *accel, const rti_cl buffers[3], size_t first,
+static rt_status rti_gpu_launch(rt_gpu *gpu, const rti_gpu_task *task, const rt_gpu_accel *accel, const rti_cl buffers[3], size_t first,
                                 size_t count, rti_cl *event, rt_error *error)
 {
+    const rti_gpu_program *program = task->program;
     const uint64_t base = first, number = count;
     const size_t items = (count + program->key.width - 1) / program->key.width, local = 64, global = (items + local - 1) / local * local;
     rti_cl_int code = gpu->cl.SetKernelArg(program->kernel, 0, sizeof(rti_cl), &accel->object.mem);
@@ -1576,6 +1612,8 @@ static rt_status rti_gpu_launch(rt_gpu *gpu, const rti_gpu_program *program, con
     for (i = 0; i < 3 && code == RTI_CL_SUCCESS; i++) code = gpu->cl.SetKernelArg(program->kernel, (rti_cl_uint)i + 1, sizeof(rti_cl), &buffers[i]);
     if (code == RTI_CL_SUCCESS) code = gpu->cl.SetKernelArg(program->kernel, 4, sizeof base, &base);
     if (code == RTI_CL_SUCCESS) code = gpu->cl.SetKernelArg(program->kernel, 5, sizeof number, &number);
+    if (code == RTI_CL_SUCCESS) code = gpu->cl.SetKernelArg(program->kernel, 6, sizeof task->algorithm, &task->algorithm);
+    if (code == RTI_CL_SUCCESS) code = gpu->cl.SetKernelArg(program->kernel, 7, sizeof task->entries, &task->entries);
     if (code == RTI_CL_SUCCESS) code = gpu->cl.EnqueueNDRangeKernel(gpu->queue, program->kernel, 1, NULL, &global, &local, 0, NULL, event);
     if (code == RTI_CL_SUCCESS) code = gpu->cl.Flush(gpu->queue);
     return code == RTI_CL_SUCCESS ? RT_OK : rti_cl_fail(error, code, "tracing rays");
@@ -1596,13 +1634,13 @@ RT_API rt_status rt_gpu_trace_buffers(rt_gpu *gpu, const rt_gpu_accel *accel, co
 {
     rt_trace_options defaults;
     rti_gpu_object *object = NULL;
-    rti_gpu_program *program = NULL;
+    rti_gpu_task task;
     rti_cl buffers[3], done = NULL;
     rt_status status;
     memset(&defaults, 0, sizeof defaults);
     if (!opt) opt = &defaults;
     if (event) *event = NULL;
-    if ((status = rti_gpu_choose_program(gpu, accel, opt, &program)) != RT_OK) return status;
+    if ((status = rti_gpu_choose_program(gpu, accel, opt, &task)) != RT_OK) return status;
     if (opt->times) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "opt->times is memory of the host: times must be a buffer");
     if (!count) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "no rays");
     if ((status = rti_gpu_needs(gpu, rays, count, sizeof(rt_ray), "rays", opt->error)) != RT_OK) return status;
@@ -1612,7 +1650,7 @@ RT_API rt_status rt_gpu_trace_buffers(rt_gpu *gpu, const rt_gpu_accel *accel, co
     buffers[0] = rays->object.mem;
     buffers[1] = hits->object.mem;
     buffers[2] = times ? times->object.mem : NULL;
-    status = rti_gpu_launch(gpu, program, accel, buffers, 0, count, event ? &done : NULL, opt->error);
+    status = rti_gpu_launch(gpu, &task, accel, buffers, 0, count, event ? &done : NULL, opt->error);
     if (!event) return status;
     if (status != RT_OK) {
         rti_gpu_drop(object);
@@ -1672,14 +1710,14 @@ RT_API rt_status rt_gpu_trace(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_t
                               rt_hit *hits)
 {
     rt_trace_options defaults;
-    rti_gpu_program *program = NULL;
+    rti_gpu_task task;
     size_t first, batch = count < RTI_GPU_BATCH ? count : RTI_GPU_BATCH;
     rt_status status;
     memset(&defaults, 0, sizeof defaults);
     if (!opt) opt = &defaults;
     if (count > SIZE_MAX / 2 / sizeof(rt_ray)) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "count is negative, or too large");
     if (count && (!rays || !hits)) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", rays ? "hits" : "rays");
-    if ((status = rti_gpu_choose_program(gpu, accel, opt, &program)) != RT_OK || !count) return status;
+    if ((status = rti_gpu_choose_program(gpu, accel, opt, &task)) != RT_OK || !count) return status;
     if ((status = rti_gpu_stage(gpu, &gpu->rays, batch * sizeof *rays, opt->error)) != RT_OK) return status;
     if ((status = rti_gpu_stage(gpu, &gpu->hits, batch * sizeof *hits, opt->error)) != RT_OK) return status;
     if (opt->times && (status = rti_gpu_stage(gpu, &gpu->times, batch * sizeof(float), opt->error)) != RT_OK) return status;
@@ -1691,7 +1729,7 @@ RT_API rt_status rt_gpu_trace(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_t
         buffers[2] = opt->times ? gpu->times->object.mem : NULL;
         status = rt_gpu_write(gpu->rays, 0, rays + first, n * sizeof *rays, opt->error);
         if (status == RT_OK && opt->times) status = rt_gpu_write(gpu->times, 0, opt->times + first, n * sizeof(float), opt->error);
-        if (status == RT_OK) status = rti_gpu_launch(gpu, program, accel, buffers, 0, n, NULL, opt->error);
+        if (status == RT_OK) status = rti_gpu_launch(gpu, &task, accel, buffers, 0, n, NULL, opt->error);
         if (status == RT_OK) status = rt_gpu_read(gpu->hits, 0, hits + first, n * sizeof *hits, opt->error);
     }
     return status;

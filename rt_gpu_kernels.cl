@@ -521,7 +521,7 @@ RTI_FN void rti_give_hits(const rti_packet *p, unsigned found, RTI_GLOBAL rt_hit
 }
 
 RTI_CALL void rti_trace_packet(const RTI_GLOBAL char *arena, const RTI_GLOBAL rt_ray *rays, RTI_GLOBAL rt_hit *hits,
-                                   const RTI_GLOBAL float *times, size_t first, size_t last)
+                               const RTI_GLOBAL float *times, size_t first, size_t last, rt_algorithm algorithm, int entries)
 {
     rt_accel accel;
     rti_packet p;
@@ -529,20 +529,20 @@ RTI_CALL void rti_trace_packet(const RTI_GLOBAL char *arena, const RTI_GLOBAL rt
     unsigned live;
     rti_open(&accel, arena, 0);
     job.query = RTI_QUERY;
-    job.algorithm = RTI_ALGORITHM;
-    job.entries = RTI_ENTRIES;
+    job.algorithm = algorithm;
+    job.entries = entries;
     live = rti_prepare(&accel, &p, rti_take_rays(&accel, rays, times, first, last, &p), false);
     rti_give_hits(&p, rti_walk(&accel, &p, live, RT_NONE, &job), hits, first, last);
 }
 )
 
-/* Work-item i: the rays from i * RTI_WIDTH on, of count from base on. */
+/* Work-item i: the rays from i * RTI_WIDTH on, of count from base on. A program for one algorithm has it as a constant. */
 RTI_SHARED(
 __kernel void rt_gpu_trace(__global const char *arena, __global const rt_ray *rays, __global rt_hit *hits, __global const float *times,
-                           ulong base, ulong count)
+                           ulong base, ulong count, int algorithm, int entries)
 {
     const size_t first = get_global_id(0) * RTI_WIDTH;
-    if (first < count) rti_trace_packet(arena, rays, hits, times, base + first, base + count);
+    if (first < count) rti_trace_packet(arena, rays, hits, times, base + first, base + count, RTI_ALGORITHM, RTI_ENTRIES);
 }
 )
 
