@@ -2,7 +2,7 @@
 
 config ?= release
 WARN    = -Wall -Wextra -Wpedantic -Wconversion -Wshadow -Wdouble-promotion -Werror
-LIBS    = -lm -lpthread
+LIBS    = -lm -lpthread -ldl
 
 # config=NAME builds into build/NAME; release, the default, into build
 FLAGS_release  = -O2

@@ -121,6 +121,17 @@ RT_API rt_status rt_gpu_prepare(rt_gpu *gpu, const rt_gpu_accel *accel, const rt
 /* The packet widths of an algorithm there, as rt_packet_widths; none: no kernel has it. */
 RT_API size_t rt_gpu_widths(rt_algorithm algorithm, int *widths, size_t max);
 
+/* A kernel, as far as the driver tells; 0: it does not. */
+typedef struct {
+    rt_algorithm algorithm;                 /* what RT_AUTO stands for */
+    int packet_width;                       /* what 0 stands for */
+    size_t private_bytes, local_bytes;      /* memory of a work-item, which may be beside its registers, and of a work-group */
+    size_t group;                           /* work-items of a work-group at most */
+} rt_gpu_kernel;
+
+/* What rt_gpu_trace would run for that; compiled, unless it has been. */
+RT_API rt_status rt_gpu_get_kernel(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt, rt_gpu_kernel *kernel);
+
 /* ---- >>gpu-buffers -------------------------------------------------------------------------------------------------- */
 
 typedef struct rt_gpu_buffer rt_gpu_buffer;         /* memory of a device */
@@ -1545,6 +1556,33 @@ RT_API rt_status rt_gpu_prepare(rt_gpu *gpu, const rt_gpu_accel *accel, const rt
     rti_gpu_program *program;
     memset(&defaults, 0, sizeof defaults);
     return rti_gpu_choose_program(gpu, accel, opt ? opt : &defaults, &program);
+}
+
+static size_t rti_gpu_kernel_number(const rt_gpu *gpu, const rti_gpu_program *program, rti_cl_uint what)
+{
+    union { uint64_t wide; size_t size; } number;
+    number.wide = 0;
+    if (gpu->cl.GetKernelWorkGroupInfo(program->kernel, gpu->device, what, sizeof number, &number, NULL) != RTI_CL_SUCCESS) return 0;
+    return what == RTI_CL_GROUP_SIZE ? number.size : (size_t)number.wide;
+}
+
+RT_API rt_status rt_gpu_get_kernel(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt, rt_gpu_kernel *kernel)
+{
+    rt_trace_options defaults;
+    rti_gpu_program *program = NULL;
+    rt_status status;
+    memset(&defaults, 0, sizeof defaults);
+    if (!opt) opt = &defaults;
+    if (!kernel) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "kernel is NULL");
+    memset(kernel, 0, sizeof *kernel);
+    if ((status = rti_gpu_choose_program(gpu, accel, opt, &program)) != RT_OK) return status;
+    kernel->algorithm = (rt_algorithm)program->key.algorithm;
+    kernel->packet_width = (int)(program->key.side ? program->key.side : program->key.width);
+    if (program->key.width == 4 && !program->key.side && kernel->algorithm != RT_THREADED_PARALLEL) kernel->packet_width = 2;    /* 2x2 */
+    kernel->private_bytes = rti_gpu_kernel_number(gpu, program, RTI_CL_PRIVATE_SIZE);
+    kernel->local_bytes = rti_gpu_kernel_number(gpu, program, RTI_CL_LOCAL_SIZE);
+    kernel->group = rti_gpu_kernel_number(gpu, program, RTI_CL_GROUP_SIZE);
+    return RT_OK;
 }
 
 static rt_status rti_gpu_launch(rt_gpu *gpu, const rti_gpu_program *program, const rt_gpu_accel *accel, const rti_cl buffers[3], size_t first,
