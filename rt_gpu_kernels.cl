@@ -343,7 +343,9 @@ RTI_FN unsigned rti_thread_body(const rt_accel *accel, rti_packet *p, unsigned l
 
 #if RTI_IN(WIDE)
 
-/* The children's boxes at once; enter: where the ray enters each. */
+/* The children's boxes at once; enter: where the ray enters each. The same at all levels of nesting. */
+"#ifndef RTI_WIDE_CHILDREN\n"
+"#define RTI_WIDE_CHILDREN\n"
 "#if RTI_GPU\n"
 RTI_SHARED(
 RTI_FN unsigned rti_hit_children(const rti_slabs *s, const RTI_GLOBAL rti_gpu_compact *node, float tmax, float *enter)
@@ -389,6 +391,7 @@ RTI_FN unsigned rti_hit_children(const rti_slabs *s, const RTI_GLOBAL rti_gpu_wi
     return rti_signs8(from <= to);
 }
 )
+"#endif\n"
 "#endif\n"
 
 /* Depth first, the nearest child first. What waits lies on a stack, the nearest on top, and is looked at again only where the ray is still
