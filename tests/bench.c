@@ -399,7 +399,7 @@ typedef struct {
     int most_triangles;                     /* of tables over the number of triangles */
     float traversal_cost, empty_bonus, max_duplication;
     const char *device;                     /* of --gpu; NULL: rt_gpu_open's choice */
-    bool gpu, compare, devices;
+    bool gpu, compare, cached, devices;
     bool json, help;
     bool has_eye, has_look, has_up, has_fov, has_light;
     rt_camera camera;
@@ -629,10 +629,14 @@ static bool parse_arguments(arguments *a, int argc, char **argv)
         const char *option = argv[k];
         if (strcmp(option, "--help") == 0) return a->help = true;
         if (strcmp(option, "--devices") == 0) return a->devices = true;
-        if (strcmp(option, "--gpu") == 0 || strcmp(option, "--json") == 0 || strcmp(option, "--compare") == 0) {
-            if (option[2] == 'g') a->gpu = true;
-            else if (option[2] == 'j') a->json = true;
-            else a->gpu = a->compare = true;
+        if (strcmp(option, "--json") == 0) {
+            a->json = true;
+            continue;
+        }
+        if (strcmp(option, "--gpu") == 0 || strcmp(option, "--compare") == 0 || strcmp(option, "--cached") == 0) {
+            a->gpu = true;
+            a->compare = a->compare || option[3] == 'o';
+            a->cached = a->cached || option[3] == 'a';
             continue;
         }
         if (strncmp(option, "--", 2) != 0) return complain("'%s' is no option; scenes are given with --scene", option);
@@ -681,6 +685,7 @@ static void print_help(void)
            "                     first GPU, else the first device\n"
            "  --compare          as --gpu, but programs for the scene beside general ones, on primary and diffuse rays: of its triangles,\n"
            "                     with spheres, and as eight instances; and the memory of their kernels\n"
+           "  --cached           as --gpu, but the first call may find programs of earlier runs in the driver's cache\n"
            "  --devices          lists OpenCL's devices\n"
            "  --paper LIST       what to print, default speed: words from below, or all\n"
            "\nthe tables of papers, on scenes like the paper's, median of 3, by default at 1024x1024, but at 512x512 for single kinds of\n"
