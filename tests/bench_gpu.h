@@ -250,7 +250,7 @@ static void gpu_check(const gpu_side *side, gpu_row *row, const batch *b, bool *
     for (i = b->count; i-- > 0;)
         if (memcmp(&b->hits[i], &b->truth[i], sizeof *b->hits) != 0) differ++, first = i;
     if (!differ) return;
-    *same = complain("%s, packet %d, on %s finds %zu of %zu %s hits that differ: ray %zu is prim %u, t %a, u %a, v %a; it finds prim %u, t %a, u "
+    *same = complain("%s, packet %d, on %s finds %zu of %zu %s hits that differ: at ray %zu C has prim %u, t %a, u %a, v %a; it has prim %u, t %a, u "
                      "%a, v %a", row->info->name, row->kernel.packet_width, structure_names[row->structure], differ, b->count, b->label, first,
                      b->truth[first].prim, (double)b->truth[first].t, (double)b->truth[first].u, (double)b->truth[first].v,
                      b->hits[first].prim, (double)b->hits[first].t, (double)b->hits[first].u, (double)b->hits[first].v);
