@@ -2,7 +2,7 @@
 
 config ?= release
 WARN    = -Wall -Wextra -Wpedantic -Wconversion -Wshadow -Wdouble-promotion -Werror
-LIBS    = -lm -lpthread
+LIBS    = -lm -lpthread -ldl
 
 # config=NAME builds into build/NAME; release, the default, into build
 FLAGS_release  = -O2
@@ -98,6 +98,10 @@ fuzz: | build
 	@mkdir -p build/corpus
 	build/rt_fuzz_lib -max_total_time=$(FUZZ) -max_len=4096 -artifact_prefix=build/ build/corpus
 
+# every kernel on this machine's OpenCL device, in under 8 minutes; GPU: a scene and options of bench
+gpu:
+	sh tests/gpu.sh $(GPU)
+
 matrix:
 	$(call need,clang,clang)
 	sh tests/matrix.sh
@@ -110,9 +114,10 @@ help:
 	@echo "make demo       render the demo scenes to out/*.ppm"
 	@echo "make test       all tests"
 	@echo "make bench      speed table, with Embree where libembree-dev is installed, and the papers' tables; BENCH='--help' tells the options"
+	@echo "make gpu        every kernel of rt_gpu.h on this machine's OpenCL device: hits and speed; GPU='scene.obj --device NAME'"
 	@echo "make check      tests under the address, undefined and thread sanitizers and valgrind"
 	@echo "make matrix     compilers x standards x flags x opt-outs: warnings, sizes, equal hits"
 	@echo "make fuzz       FUZZ=60 seconds of fuzzing the loaders, the builder and the traversals"
 	@echo "make clean      remove build/ and out/"
 
-.PHONY: all demo test bench check fuzz matrix clean help
+.PHONY: all demo test bench gpu check fuzz matrix clean help

@@ -109,9 +109,8 @@ RT_API size_t rt_gpu_bytes(const rt_gpu_accel *accel);
 /* As rt_trace, and with its hits. Of opt, stats must be NULL, isa is not looked at, and algorithms have these packet_widths (0: the default):
      RT_KD_STACK, RT_KD_RESTART, RT_KD_PUSHDOWN, RT_KD_SHORTSTACK, RT_BVH_SIMD   1: a ray a work-item; 2, 8, 16: packets of 2x2, 8, 16
      RT_KD_BACKTRACK, RT_BVH_STACK, RT_BVH_WIDE, RT_THREADED_SINGLE              1
-     RT_BVH_MASKED, RT_BVH_RANGED, RT_BVH_PARTITION      4, 8, 16, 32 rays a side: a packet a work-group
      RT_THREADED_PARALLEL                                2, 4, 8, 16 rays
-   RT_AUTO takes what measures fastest on the kind of device. A program is compiled where none fits yet, which takes seconds.
+   RT_BVH_MASKED, RT_BVH_RANGED and RT_BVH_PARTITION have no kernels: RT_ERROR_UNSUPPORTED. RT_AUTO takes what measures fastest on the kind of device. A program is compiled where none fits yet, which takes seconds.
    Copies rays to the device and hits back, a million at a time. */
 RT_API rt_status rt_gpu_trace(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt, const rt_ray *rays, size_t count,
                               rt_hit *hits);
@@ -122,6 +121,17 @@ RT_API rt_status rt_gpu_prepare(rt_gpu *gpu, const rt_gpu_accel *accel, const rt
 
 /* The packet widths of an algorithm there, as rt_packet_widths; none: no kernel has it. */
 RT_API size_t rt_gpu_widths(rt_algorithm algorithm, int *widths, size_t max);
+
+/* A kernel, as far as the driver tells; 0: it does not. */
+typedef struct {
+    rt_algorithm algorithm;                 /* what RT_AUTO stands for */
+    int packet_width;                       /* what 0 stands for */
+    size_t private_bytes, local_bytes;      /* memory of a work-item, which may be beside its registers, and of a work-group */
+    size_t group;                           /* work-items of a work-group at most */
+} rt_gpu_kernel;
+
+/* What rt_gpu_trace would run for that; compiled, unless it has been. */
+RT_API rt_status rt_gpu_get_kernel(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt, rt_gpu_kernel *kernel);
 
 /* ---- >>gpu-buffers -------------------------------------------------------------------------------------------------- */
 
@@ -1256,7 +1266,7 @@ static void rti_gpu_append_part(rti_gpu_source *s, int part)
 
 /* Which program: all that it is compiled for. Compared as bytes. */
 typedef struct {
-    uint32_t algorithm, query, width, entries, side, cull;
+    uint32_t algorithm, query, width, entries;
     uint32_t general;                       /* 1: algorithm stands for all of its structure and width, and entries for as many or fewer */
     uint32_t level_count;
     rti_gpu_level levels[RT_MAX_NESTING + 1];
@@ -1279,8 +1289,6 @@ struct rti_gpu_program {
 #define RTI_GPU_BITS(X) X(RT_NONE) X(RTI_END) X(RTI_COUNT_MASK) X(RTI_LEAF) X(RTI_KD_LOWER_EMPTY) X(RTI_KD_UPPER_EMPTY) X(RTI_KD_EMPTY) \
     X(RTI_GPU_ALIGN)
 #define RTI_GPU_FLOATS(X) X(RT_MAX_COORDINATE) X(RT_MIN_DIRECTION) X(RT_MAX_DIRECTION)
-
-static bool rti_gpu_is_large(uint32_t algorithm) { return algorithm >= RT_BVH_MASKED && algorithm <= RT_BVH_PARTITION; }
 
 /* All that holds for the whole program. */
 static void rti_gpu_define_all(rti_gpu_source *s, const rt_gpu *gpu, const rti_gpu_key *key)
@@ -1518,12 +1526,11 @@ typedef struct {
 /* Packet widths in the rt_trace_options sense that there are kernels for; the default first. */
 static const int *rti_gpu_width_list(rt_algorithm algorithm, size_t *n)
 {
-    static const int one[] = { 1 }, lanes[] = { 1, 2, 8, 16 }, sides[] = { 4, 8, 16, 32 }, rays[] = { 2, 4, 8, 16 };
+    static const int one[] = { 1 }, lanes[] = { 1, 2, 8, 16 }, rays[] = { 2, 4, 8, 16 };
     *n = 4;
     if (algorithm == RT_THREADED_PARALLEL) return rays;
-    if (rti_gpu_is_large((uint32_t)algorithm)) return sides;
     if (algorithm == RT_BVH_SIMD || (algorithm >= RT_KD_STACK && algorithm < RT_KD_BACKTRACK)) return lanes;
-    *n = 1;
+    *n = algorithm >= RT_BVH_MASKED && algorithm <= RT_BVH_PARTITION ? 0 : 1;
     return one;
 }
 
@@ -1570,18 +1577,14 @@ static rt_status rti_gpu_choose_program(rt_gpu *gpu, const rt_gpu_accel *accel, 
         width = 0;
     }
     widths = rti_gpu_width_list(algorithm, &n);
-    if (!width) width = gpu->info.gpu && n > 1 && !rti_gpu_is_large((uint32_t)algorithm) ? widths[0] : n > 1 ? widths[2] : 1;
+    if (!n) return rti_fail(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "no kernel has algorithm %s", rti_algorithms[algorithm].name);
+    if (!width) width = widths[n > 1 && !gpu->info.gpu ? 2 : 0];
     for (i = 0; i < n && widths[i] != width; i++) {}
     if (i == n) return rti_no_width(opt, widths, n);
     memset(&key, 0, sizeof key);
     key.algorithm = (uint32_t)algorithm;
     key.query = (uint32_t)opt->query;
     key.width = (uint32_t)(width == 2 && algorithm != RT_THREADED_PARALLEL ? 4 : width);
-    if (rti_gpu_is_large((uint32_t)algorithm)) {
-        key.width = gpu->info.gpu ? 1 : 8;
-        key.side = (uint32_t)width;
-        key.cull = (uint32_t)opt->cull;
-    }
     key.entries = algorithm != RT_KD_SHORTSTACK ? 0 : opt->short_stack ? (uint32_t)opt->short_stack : 3;
     task->algorithm = (int32_t)key.algorithm;
     task->entries = (int32_t)key.entries;
@@ -1599,6 +1602,35 @@ RT_API rt_status rt_gpu_prepare(rt_gpu *gpu, const rt_gpu_accel *accel, const rt
     rti_gpu_task task;
     memset(&defaults, 0, sizeof defaults);
     return rti_gpu_choose_program(gpu, accel, opt ? opt : &defaults, &task);
+}
+
+static size_t rti_gpu_kernel_number(const rt_gpu *gpu, const rti_gpu_program *program, rti_cl_uint what)
+{
+    union { uint64_t wide; size_t size; } number;
+    number.wide = 0;
+    if (gpu->cl.GetKernelWorkGroupInfo(program->kernel, gpu->device, what, sizeof number, &number, NULL) != RTI_CL_SUCCESS) return 0;
+    return what == RTI_CL_GROUP_SIZE ? number.size : (size_t)number.wide;
+}
+
+RT_API rt_status rt_gpu_get_kernel(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt, rt_gpu_kernel *kernel)
+{
+    rt_trace_options defaults;
+    const rti_gpu_program *program;
+    rti_gpu_task task;
+    rt_status status;
+    memset(&defaults, 0, sizeof defaults);
+    if (!opt) opt = &defaults;
+    if (!kernel) return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "kernel is NULL");
+    memset(kernel, 0, sizeof *kernel);
+    if ((status = rti_gpu_choose_program(gpu, accel, opt, &task)) != RT_OK) return status;
+    program = task.program;
+    kernel->algorithm = (rt_algorithm)task.algorithm;
+    kernel->packet_width = (int)program->key.width;
+    if (program->key.width == 4 && kernel->algorithm != RT_THREADED_PARALLEL) kernel->packet_width = 2;    /* 2x2 */
+    kernel->private_bytes = rti_gpu_kernel_number(gpu, program, RTI_CL_PRIVATE_SIZE);
+    kernel->local_bytes = rti_gpu_kernel_number(gpu, program, RTI_CL_LOCAL_SIZE);
+    kernel->group = rti_gpu_kernel_number(gpu, program, RTI_CL_GROUP_SIZE);
+    return RT_OK;
 }
 
 static rt_status rti_gpu_launch(rt_gpu *gpu, const rti_gpu_task *task, const rt_gpu_accel *accel, const rti_cl buffers[3], size_t first,

@@ -318,7 +318,8 @@ RTI_FN unsigned rti_hit_run(const rt_accel *accel, rti_packet *p, unsigned lanes
 
 #if RTI_IN(THREADED_BODY)
 
-/* From node to node along the links, without a stack; all rays of a packet go where one of them has to. */
+/* From node to node along the links, without a stack; all rays of a packet go where one of them has to. A GPU reads the link beside the node,
+   to wait once. A CPU guesses whether the node is hit and reads on: where the link waits for the test, all is in a row, 3 times slower. */
 RTI_SHARED(
 RTI_FN unsigned rti_thread_body(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const int flags, const rti_job *job)
 {
@@ -335,13 +336,18 @@ RTI_FN unsigned rti_thread_body(const rt_accel *accel, rti_packet *p, unsigned l
     else slabs = rti_make_slabs(p);
     while (at != RTI_END) {
         const RTI_GLOBAL rti_node *node = accel->nodes + at;
-        const rti_link link = links[at];
         rti_v enter, leave;
+        rti_link link;
         unsigned hit;
+        if (RTI_GPU) link = links[at];
         if (round) hit = rti_meet_sphere(&sweep, node->bounds, rti_vload(p->t)) & live;
         else hit = rti_hit_box(&slabs, node->bounds, rti_vload(p->t), &enter, &leave) & live;
-        at = hit ? link.hit : link.miss;
-        if (hit && node->count) {
+        if (!hit) {
+            at = RTI_GPU ? link.miss : links[at].miss;
+            continue;
+        }
+        at = RTI_GPU ? link.hit : links[at].hit;
+        if (node->count) {
             hit = rti_hit_leaf(accel, p, hit, 0, node->index, node->count, inst, flags, job);
             found |= hit;
             if (flags & RTI_WALK_ANY && !(live &= ~hit)) break;

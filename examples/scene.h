@@ -2345,6 +2345,181 @@ static void sn_make_glass(sn_builder *b, uint64_t size)
     b->shapes++;
 }
 
+/* A surface over the unit square; shape: its place and measures. */
+typedef rt_vec3 (*sn_surface)(const double shape[6], double u, double v);
+
+/* 0 on the border of each unit cell, 1 inside of it, with a slope in between. */
+static double sn_panel(double x)
+{
+    return fmin(1, 8 * fmax(0, 0.42 - fabs(x - floor(x) - 0.5)));
+}
+
+/* A fluted column: foot x, y, z, radius, height. */
+static rt_vec3 sn_column(const double shape[6], double u, double v)
+{
+    const double a = 6.283185307179586 * u, ends = fmax(0, fmax(1 - 14 * v, 1 - 9 * (1 - v)));
+    const double radius = shape[3] * (1 - 0.12 * v + 0.5 * ends * ends - (ends > 0 ? 0 : 0.07 * fabs(sin(8 * a))));
+
+    return sn_vec3((float)(shape[0] + radius * cos(a)), (float)(shape[1] + shape[4] * v), (float)(shape[2] + radius * sin(a)));
+}
+
+/* Half a ring that stands: its centre, its radius, half its thickness; 1: across the hall, 0: along it. */
+static rt_vec3 sn_arch(const double shape[6], double u, double v)
+{
+    const double a = 6.283185307179586 * u, t = 3.141592653589793 * v, d = shape[3] + shape[4] * cos(a);
+    const double along = d * cos(t), across = shape[4] * sin(a);
+
+    return sn_vec3((float)(shape[0] + (shape[5] > 0 ? along : across)), (float)(shape[1] + d * sin(t)),
+                   (float)(shape[2] + (shape[5] > 0 ? across : along)));
+}
+
+/* Half a tube with coffers, from z backwards: x, y and z where it starts, radius, length, coffers along it. */
+static rt_vec3 sn_vault(const double shape[6], double u, double v)
+{
+    const double t = 3.141592653589793 * u, d = shape[3] + 0.18 * sn_panel(9 * u) * sn_panel(shape[5] * v);
+
+    return sn_vec3((float)(shape[0] + d * cos(t)), (float)(shape[1] + d * sin(t)), (float)(shape[2] - shape[4] * v));
+}
+
+/* A wall with panels, from z backwards: x, y and z where it starts, height, length, how deep the panels are. */
+static rt_vec3 sn_panels(const double shape[6], double u, double v)
+{
+    return sn_vec3((float)(shape[0] + shape[5] * sn_panel(2 * u) * sn_panel(v * shape[4] / 2)), (float)(shape[1] + shape[3] * u),
+                   (float)(shape[2] - shape[4] * v));
+}
+
+/* An urn: foot x, y, z, radius, height. */
+static rt_vec3 sn_urn(const double shape[6], double u, double v)
+{
+    const double a = 6.283185307179586 * u, belly = sin(3.3 * v * v + 0.1), lip = fmax(0, 8 * v - 7.2);
+    const double radius = shape[3] * (0.25 + 0.75 * fmax(0, belly) * (1 + 0.05 * cos(12 * a)) + 0.4 * lip + fmax(0, 0.3 - 3 * v));
+
+    return sn_vec3((float)(shape[0] + radius * cos(a)), (float)(shape[1] + shape[4] * v), (float)(shape[2] + radius * sin(a)));
+}
+
+/* A mesh of rows x columns quads, smooth, each side multiplied by detail; returns how many triangles. detail 0: only says how many
+   for a detail of 1. */
+static double sn_add_surface(sn_builder *b, sn_surface at, const double shape[6], double columns, double rows, double detail)
+{
+    const uint32_t n = (uint32_t)fmax(3, columns * detail + 0.5), m = (uint32_t)fmax(3, rows * detail + 0.5);
+    const uint32_t vertex = (uint32_t)b->vertices.count, normal = (uint32_t)b->normals.count;
+    const double step = 1e-3;
+    uint32_t i, j, k;
+
+    if (detail <= 0) return 2 * columns * rows;
+    for (j = 0; j <= m && !b->no_memory; j++)
+        for (i = 0; i <= n; i++) {
+            const double u = (double)i / n, v = (double)j / m;
+            const rt_vec3 left = at(shape, u - step, v), right = at(shape, u + step, v);
+            const rt_vec3 below = at(shape, u, fmax(0, v - step)), above = at(shape, u, fmin(1, v + step));
+            const rt_vec3 p = { right.x - left.x, right.y - left.y, right.z - left.z };
+            const rt_vec3 q = { above.x - below.x, above.y - below.y, above.z - below.z };
+
+            sn_add_vertex(b, at(shape, u, v));
+            sn_add_normal(b, q.y * p.z - q.z * p.y, q.z * p.x - q.x * p.z, q.x * p.y - q.y * p.x);
+        }
+    for (j = 0; j < m && !b->no_memory; j++)
+        for (i = 0; i < n; i++) {
+            const uint32_t places[4] = { j * (n + 1) + i, (j + 1) * (n + 1) + i, (j + 1) * (n + 1) + i + 1, j * (n + 1) + i + 1 };
+            sn_corner c[4];
+
+            for (k = 0; k < 4; k++) {
+                c[k].v = vertex + places[k];
+                c[k].n = normal + places[k];
+                c[k].t = 0;
+            }
+            sn_add_triangle(b, c[0], c[1], c[2]);
+            sn_add_triangle(b, c[0], c[2], c[3]);
+        }
+    b->shapes++;
+    return 2.0 * n * m;
+}
+
+enum { SN_BAYS = 8 };                       /* of the hall, each 4 long */
+
+/* All curved things of the hall; returns as sn_add_surface. */
+static double sn_add_arcades(sn_builder *b, double detail)
+{
+    const double length = 4 * SN_BAYS, vault[6] = { 0, 4.6, 0, 3, length, 2 * SN_BAYS };
+    double count = 0;
+    int side, i;
+
+    sn_set_phong(b, "plaster", sn_vec3(0.72f, 0.68f, 0.6f), 0, 0);
+    count += sn_add_surface(b, sn_vault, vault, 36, 64, detail);
+    for (i = 0; i <= SN_BAYS; i++) {
+        const double rib[6] = { 0, 4.6, fmin(-0.15, fmax(0.15 - length, -4 * i)), 2.95, 0.16, 1 };
+
+        sn_set_phong(b, "rib", sn_vec3(0.55f, 0.5f, 0.42f), 0, 0);
+        count += sn_add_surface(b, sn_arch, rib, 8, 24, detail);
+    }
+    for (side = -1; side <= 1; side += 2) {
+        const double wall[6] = { 5 * side, 0, 0, 4.6, length, 0.15 * side };
+
+        sn_set_phong(b, "panels", sn_vec3(0.5f, 0.3f, 0.2f), 0, 0);
+        count += sn_add_surface(b, sn_panels, wall, 12, 64, detail);
+        for (i = 0; i <= SN_BAYS; i++) {
+            const double z = fmin(-0.3, fmax(0.3 - length, -4 * i)), column[6] = { 3 * side, 0, z, 0.3, 2.6 };
+
+            sn_set_phong(b, "marble", sn_vec3(0.75f, 0.72f, 0.66f), 0.2f, 40);
+            count += sn_add_surface(b, sn_column, column, 32, 14, detail);
+        }
+        for (i = 0; i < SN_BAYS; i++) {
+            const double z = -4 * i - 2, arch[6] = { 3 * side, 2.6, z, 1.85, 0.22, 0 }, urn[6] = { 4.1 * side, 0.8, z, 0.35, 1 };
+
+            sn_set_phong(b, "rib", sn_vec3(0.55f, 0.5f, 0.42f), 0, 0);
+            count += sn_add_surface(b, sn_arch, arch, 8, 16, detail);
+            sn_set_phong(b, i % 2 ? "bronze" : "glaze", i % 2 ? sn_vec3(0.4f, 0.25f, 0.1f) : sn_vec3(0.1f, 0.3f, 0.4f), 0.4f, 30);
+            count += sn_add_surface(b, sn_urn, urn, 20, 16, detail);
+        }
+    }
+    return count;
+}
+
+/* A closed hall of about N triangles: columns and arches on both sides, urns behind them, pews, stairs at its end, a vault above. */
+static void sn_make_hall(sn_builder *b, uint64_t size)
+{
+    const float length = 4 * SN_BAYS;
+    const double urn[6] = { 0, 2, 2.2 - 4 * SN_BAYS, 0.7, 1.8 };
+    double rest;
+    int side, i, k;
+
+    sn_add_chequers(b, 0, length / 2, 2 * SN_BAYS, "light", "dark");        /* around the origin: z from 0 backwards comes below */
+    for (i = 0; i < (int)b->vertices.count; i++) ((rt_vec3 *)b->vertices.data)[i].z -= length / 2;
+    for (side = -1; side <= 1; side += 2) {
+        const float x = 5.2f * (float)side, z = side > 0 ? 0 : -length;
+        const rt_vec3 aisle[4] = { { x, 4.6f, 0 }, { x, 4.6f, -length }, { 3 * (float)side, 4.6f, -length }, { 3 * (float)side, 4.6f, 0 } };
+        const rt_vec3 end[4] = { { -5.2f, 0, z }, { 5.2f, 0, z }, { 5.2f, 8, z }, { -5.2f, 8, z } };
+
+        sn_set_phong(b, "plaster", sn_vec3(0.72f, 0.68f, 0.6f), 0, 0);
+        sn_add_face(b, aisle, 4);
+        sn_add_face(b, end, 4);
+        for (i = 0; i < SN_BAYS; i++) {
+            sn_set_phong(b, "stone", sn_vec3(0.45f, 0.43f, 0.4f), 0, 0);
+            sn_add_box(b, sn_vec3(4.1f * (float)side, 0.4f, -4 * (float)i - 2), sn_vec3(0.35f, 0.4f, 0.35f), 0);
+        }
+        for (i = 0; i < 2 * SN_BAYS; i++) {
+            const float pew = 1.4f * (float)side, at = -3 - 1.2f * (float)i;
+
+            sn_set_phong(b, "wood", sn_vec3(0.35f, 0.18f, 0.08f), 0.1f, 20);
+            sn_add_box(b, sn_vec3(pew, 0.45f, at), sn_vec3(0.9f, 0.03f, 0.22f), 0);
+            sn_add_box(b, sn_vec3(pew, 0.75f, at - 0.22f), sn_vec3(0.9f, 0.25f, 0.03f), 0);
+            for (k = -1; k <= 1; k++) sn_add_box(b, sn_vec3(pew + 0.85f * (float)k, 0.22f, at), sn_vec3(0.03f, 0.2f, 0.2f), 0);
+        }
+    }
+    sn_set_phong(b, "stairs", sn_vec3(0.6f, 0.57f, 0.52f), 0, 0);
+    for (i = 0; i < 8; i++)
+        sn_add_box(b, sn_vec3(0, 0.075f + 0.15f * (float)i, 2 + 0.175f * (float)i - length), sn_vec3(2.6f, 0.075f, 2 - 0.175f * (float)i), 0);
+    sn_add_box(b, sn_vec3(0, 1.6f, 2.2f - length), sn_vec3(0.6f, 0.4f, 0.6f), 0.4f);
+    rest = fmax(0, (double)size - (double)b->triangles.count) / (sn_add_arcades(b, 0) + 2 * 24 * 32);
+    sn_add_arcades(b, fmax(0.01, sqrt(rest)));
+    sn_set_phong(b, "bronze", sn_vec3(0.4f, 0.25f, 0.1f), 0.4f, 30);
+    sn_add_surface(b, sn_urn, urn, 32, 24, fmax(0.01, sqrt(rest)));
+    for (i = 0; i < 4; i++) sn_add_light(b, sn_vec3(i % 2 ? 0.6f : -0.6f, 5.8f, -3 - 8 * (float)i), sn_vec3(0.24f, 0.22f, 0.19f));
+    b->ambient = sn_vec3(0.14f, 0.14f, 0.16f);
+    sn_set_background(b, sn_vec3(0, 0, 0));
+    sn_set_camera(b, sn_vec3(-2.1f, 2.2f, -1), sn_vec3(0.6f, 2.3f, -14), sn_vec3(0, 1, 0), 62);
+}
+
 /* A quad with texture coordinates from (0, 0) in its first corner to size in its third. */
 static void sn_add_textured(sn_builder *b, const rt_vec3 corner[4], float size)
 {
@@ -2456,6 +2631,7 @@ static void sn_make_textures(sn_builder *b, uint64_t size)
     X("sphere",  8, 100000000, 10000,   sn_make_sphere,   "sphere:N     a closed sphere mesh: about N triangles")                     \
     X("mirrors", 1, 100, 4,             sn_make_mirrors,  "mirrors:N    N rows of balls between two mirrors")                         \
     X("glass",   1, 100, 3,             sn_make_glass,    "glass:N      N x N balls and a block of glass on a chequered floor")       \
+    X("hall",    5000, 100000000, 250000, sn_make_hall,   "hall:N       a closed hall with columns, arches and a vault: about N triangles") \
     X("textures", 0, 0, 0,              sn_make_textures, "textures     images, checkers, noise and bumps, from here to the horizon")
 
 #define SN_PROCEDURAL_ROW(name, least, most, fallback, make, help) { name, least, most, fallback, make },
@@ -2476,7 +2652,7 @@ static void sn_make(sn_builder *b)
     while (i < rows && (strlen(sn_procedurals[i].name) != length || strncmp(sn_procedurals[i].name, name, length) != 0)) i++;
     if (i == rows) {
         sn_fail(b, "neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N, mirrors:N, "
-                "glass:N, textures");
+                "glass:N, hall:N, textures");
         return;
     }
     if (!colon) {

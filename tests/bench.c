@@ -2,7 +2,7 @@
    come from, on our machine.    SPDX-License-Identifier: MIT OR Unlicense
 
    >>vectors  >>rays  >>entries  >>embree  >>arguments  >>measure  >>output  >>plots  >>scenes  >>speed, bench_horn.h,
-   bench_overbeck.h, bench_lohr.h, >>main
+   bench_overbeck.h, bench_lohr.h, bench_gpu.h, >>main
 
    How the numbers are made
      rays       One array for each scene and kind, made once, given to every algorithm in the same order. Primary rays of a pinhole, in
@@ -21,6 +21,8 @@
 
 #define RT_IMPLEMENTATION
 #include "../rt.h"
+#define RT_GPU_IMPLEMENTATION
+#include "../rt_gpu.h"
 #include "../examples/pool.h"
 #include "../examples/scene.h"
 
@@ -392,10 +394,12 @@ typedef struct {
     const char *scene_folder;               /* NULL: none */
     const char *svg;                        /* where plots go, see >>plots; NULL: none */
     int structure;                          /* RT_STRUCTURE_COUNT: each */
-    int packet, cull, isa, width, height, threads, rounds;              /* width, height, rounds 0: the table's default */
+    int packet, cull, isa, width, height, threads, rounds;              /* width, height, rounds 0, threads -1: the table's default */
     int short_stack, quality;               /* 0: the library's default */
     int most_triangles;                     /* of tables over the number of triangles */
     float traversal_cost, empty_bonus, max_duplication;
+    const char *device;                     /* of --gpu; NULL: rt_gpu_open's choice */
+    bool gpu, compare, cached, devices;
     bool json, help;
     bool has_eye, has_look, has_up, has_fov, has_light;
     rt_camera camera;
@@ -580,6 +584,7 @@ static bool parse_option(arguments *a, const char *option, const char *value)
     if (strcmp(option, "--scene") == 0) return a->scenes[a->scene_count++] = value, true;
     if (strcmp(option, "--scenes") == 0) return a->scene_folder = value, true;
     if (strcmp(option, "--paper") == 0) return a->papers = value, check_list(option, value, paper_words, PAPER_WORDS);
+    if (strcmp(option, "--device") == 0) return a->device = value, true;
     if (strcmp(option, "--svg") == 0) return a->svg = value, true;
     if (strcmp(option, "--triangles") == 0) return parse_int(option, value, 10000, 100000000, &a->most_triangles);
     if (strcmp(option, "--rays") == 0) return a->rays = value, check_list(option, value, kind_names, KIND_COUNT);
@@ -613,7 +618,7 @@ static bool parse_option(arguments *a, const char *option, const char *value)
 static bool parse_arguments(arguments *a, int argc, char **argv)
 {
     static const arguments defaults = { .rays = "all", .algorithms = "all", .papers = "speed", .structure = RT_STRUCTURE_COUNT,
-                                        .threads = 1, .most_triangles = 4000000 };
+                                        .threads = -1, .most_triangles = 4000000 };
     int k;
 
     *a = defaults;
@@ -623,15 +628,23 @@ static bool parse_arguments(arguments *a, int argc, char **argv)
     for (k = 1; k < argc; k++) {
         const char *option = argv[k];
         if (strcmp(option, "--help") == 0) return a->help = true;
-        if (strcmp(option, "--gpu") == 0) return complain("--gpu is not built yet");
+        if (strcmp(option, "--devices") == 0) return a->devices = true;
         if (strcmp(option, "--json") == 0) {
             a->json = true;
+            continue;
+        }
+        if (strcmp(option, "--gpu") == 0 || strcmp(option, "--compare") == 0 || strcmp(option, "--cached") == 0) {
+            a->gpu = true;
+            a->compare = a->compare || option[3] == 'o';
+            a->cached = a->cached || option[3] == 'a';
             continue;
         }
         if (strncmp(option, "--", 2) != 0) return complain("'%s' is no option; scenes are given with --scene", option);
         if (k + 1 == argc) return complain("%s needs a value, or is no option (--help lists them)", option);
         if (!parse_option(a, option, argv[++k])) return false;
     }
+    if (a->gpu && strcmp(a->papers, "speed") != 0) return complain("--gpu has no tables of papers");
+    if (a->threads < 0) a->threads = a->gpu ? 0 : 1;
     return true;
 }
 
@@ -659,13 +672,21 @@ static void print_help(void)
            "  --cull NAME        frustum culling, default none; others than bvh.masked, bvh.ranged and bvh.partition have none\n"
            "  --isa NAME         instructions to use\n"
            "  --size WxH         primary rays, default 512x512\n"
-           "  --threads N        default 1; 0: one a processor\n"
-           "  --repeat N         measured rounds, default 5, after a pass that counts and warms up\n"
+           "  --threads N        default 1, with --gpu 0: one a processor\n"
+           "  --repeat N         measured rounds, default 5, with a GPU 20, after a pass that counts and warms up\n"
            "  --eye X,Y,Z --look X,Y,Z --up X,Y,Z --fov DEGREES --light X,Y,Z   instead of the scene's\n"
            "  --quality NAME     of the trees\n"
            "  --traversal-cost X, --empty-bonus X, --max-duplication X   of the builders, as in rt_build_options\n"
            "  --short-stack N    entries of kd.shortstack, 1 to %d, default 3\n"
            "  --json             one JSON object a line instead of tables\n"
+           "  --gpu              the kernels of rt_gpu.h on an OpenCL device, beside bvh.stack in C: kernel time, and seconds of the first\n"
+           "                     call, compiled and from the driver's cache. All that is above goes with it, but --isa is of C\n"
+           "  --device NAME      gpu, cpu, a number of --devices, or part of a name; default: the environment's RT_GPU_DEVICE, else the\n"
+           "                     first GPU, else the first device\n"
+           "  --compare          as --gpu, but programs for the scene beside general ones, on primary and diffuse rays: of its triangles,\n"
+           "                     with spheres, and as eight instances; and the memory of their kernels\n"
+           "  --cached           as --gpu, but the first call may find programs of earlier runs in the driver's cache\n"
+           "  --devices          lists OpenCL's devices\n"
            "  --paper LIST       what to print, default speed: words from below, or all\n"
            "\nthe tables of papers, on scenes like the paper's, median of 3, by default at 1024x1024, but at 512x512 for single kinds of\n"
            "rays of overbeck; --rays, --algorithm, --packet, --structure and --cull say nothing to them\n"
@@ -1356,6 +1377,7 @@ static bool speed_tables(const arguments *given, pool *threads)
 #include "bench_horn.h"
 #include "bench_overbeck.h"
 #include "bench_lohr.h"
+#include "bench_gpu.h"
 
 /* ---- >>main --------------------------------------------------------------------------------------------------------- */
 
@@ -1366,13 +1388,15 @@ int main(int argc, char **argv)
     bool ok = parse_arguments(&a, argc, argv);
 
     if (ok && a.help) print_help();
-    if (ok && !a.help) {
+    if (ok && a.devices) ok = gpu_list();
+    else if (ok && !a.help) {
         threads = pool_create(a.threads);
         ok = threads || complain("the threads do not start");
-        if (threads && listed(a.papers, "speed")) ok = speed_tables(&a, threads) && ok;
-        if (threads) ok = horn_tables(&a, threads) && ok;
-        if (threads) ok = overbeck_tables(&a, threads) && ok;
-        if (threads) ok = lohr_tables(&a, threads) && ok;
+        if (threads && a.gpu) ok = gpu_tables(&a, threads) && ok;
+        else if (threads && listed(a.papers, "speed")) ok = speed_tables(&a, threads) && ok;
+        if (threads && !a.gpu) ok = horn_tables(&a, threads) && ok;
+        if (threads && !a.gpu) ok = overbeck_tables(&a, threads) && ok;
+        if (threads && !a.gpu) ok = lohr_tables(&a, threads) && ok;
     }
     pool_destroy(threads);
     free(a.scenes);

@@ -6698,7 +6698,7 @@ static void rtt_test_nff_errors(void)
 }
 
 #define NO_SUCH_SCENE "neither an .obj or .nff file nor one of cornell, balls:N, rings:N, tetra:N, cloud:N, terrain:N, sphere:N, " \
-                      "mirrors:N, glass:N, textures\n"
+                      "mirrors:N, glass:N, hall:N, textures\n"
 
 static void rtt_test_procedural(void)
 {
@@ -6713,7 +6713,7 @@ static void rtt_test_procedural(void)
         { "cloud:1", 1, 0, 1 }, { "cloud:1000", 1000, 0, 1000 }, { "terrain:2", 2, 0, 2 }, { "terrain:20000", 20000, 0, 20000 },
         { "sphere:8", 8, 0, 8 }, { "sphere:1000", 960, 0, 960 }, { "sphere:100000", 100488, 0, 100488 },
         { "mirrors:1", 116, 3, 61 }, { "mirrors:4", 440, 12, 232 }, { "glass:1", 140, 2, 72 }, { "glass:3", 300, 10, 160 },
-        { "textures", 4, 3, 5 }
+        { "hall:5000", 5280, 0, 1433 }, { "hall", 250796, 0, 1433 }, { "textures", 4, 3, 5 }
     };
     static const struct { const char *name, *report; } bad[] = {
         { "balls:0", "balls:0: balls:N needs a whole N from 1 to 8\n" }, { "balls:9", "balls:9: balls:N needs a whole N from 1 to 8\n" },
@@ -6807,7 +6807,7 @@ static void rtt_test_scene_camera(void)
 /* The view holds what the scene holds, and a picture of each procedural scene shows something: neither black nor burnt out. */
 static void rtt_test_scene_view(void)
 {
-    static const char *const names[] = { "cornell", "balls:2", "rings:1", "tetra:3", "cloud:300", "terrain:2000", "sphere:200" };
+    static const char *const names[] = { "cornell", "balls:2", "rings:1", "tetra:3", "cloud:300", "terrain:2000", "sphere:200", "hall:5000" };
     size_t i;
     int k;
 
@@ -9106,6 +9106,8 @@ static void rtt_test_gpu_mistakes(void)
     MISTAKE(rt_gpu_trace(gpu[0], there[0], &opt, rays.ray, SIZE_MAX, hits), RT_ERROR_ARGUMENT, "too large");
     opt.algorithm = RT_KD_STACK;
     MISTAKE(rt_gpu_trace(gpu[0], there[0], &opt, rays.ray, rays.count, hits), RT_ERROR_ARGUMENT, "kd.stack is for a kdtree");
+    opt.algorithm = RT_BVH_RANGED;
+    MISTAKE(rt_gpu_trace(gpu[0], there[0], &opt, rays.ray, rays.count, hits), RT_ERROR_UNSUPPORTED, "no kernel has algorithm bvh.ranged");
     opt.algorithm = (rt_algorithm)77;
     MISTAKE(rt_gpu_trace(gpu[0], there[0], &opt, rays.ray, rays.count, hits), RT_ERROR_ARGUMENT, "77");
     opt.algorithm = RT_BVH_STACK;
