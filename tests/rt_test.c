@@ -4858,12 +4858,11 @@ static void rtt_test_render_ways(void)
         memset(&r, 0, sizeof r);
         memset(&trace, 0, sizeof trace);
         memset(got, 0xff, sizeof got);
-        r.scene = &stage.scene;
         stage.scene.accel = stage.accel;
         CHECK_STATUS(rti_choose(stage.accel, &trace, RTI_BLOCK_RAYS, &r.batch, &r.job), RT_OK);
         rti_choose_shaders(&r, RT_ISA_AUTO);
-        r.view = rti_make_view(&stage.scene.camera, WIDTH, HEIGHT);
         r.spp = 1, r.depth = 7;
+        rti_set_world(&r, &stage.scene, WIDTH, HEIGHT);
         rti_render_large(&r, tile, WIDTH, got);
         CHECK(memcmp(want, got, sizeof want) == 0 && memcmp(&first, &r.counts, sizeof first) == 0);
     }
@@ -8309,7 +8308,7 @@ static void rtt_test_texture_mapping(void)
     const float uv[] = { 0, 0, 2, 0, 0, 3 };
     const uint32_t given[] = { 0, 1, 2 }, none[] = { RT_NONE, 0, 0 };
     rtt_random random = rtt_stream();
-    rt_scene seen;
+    rti_shape seen;
     rt_hit hit;
     rti_mapping m;
 
