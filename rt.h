@@ -4937,7 +4937,7 @@ static rti_view rti_make_view(const rt_camera *camera, int width, int height)
     rt_vec3 forward = rti_normalize(rti_sub(camera->look, camera->eye)), right, down;
     double sine, cosine;
     float pixel;
-    rti_sine_cosine((double)camera->fov * 0.00872664625997164788, &sine, &cosine);     /* degrees to half radians */
+    rti_sine_cosine(rti_round((double)camera->fov * 0.00872664625997164788), &sine, &cosine);      /* degrees to half radians */
     pixel = (float)(2 * sine / cosine / height);
     right = rti_cross(forward, rti_normalize(camera->up));
     if (!(rti_dot(right, right) > 0))       /* up along the view axis, or zero: any level right will do */
@@ -5787,7 +5787,7 @@ static rt_vec3 rti_look_at_texture(const RTI_GLOBAL rt_texture *texture, const r
     width = rti_maxf(narrow, wide / (float)taps);
     for (i = 0; i < taps; i++) {
         const float along = ((float)i + 0.5f) / (float)taps - 0.5f;
-        for (k = 0; k < 3; k++) at[k] = spot->at[k] + along * spot->axes[0][k] / scale[k];
+        for (k = 0; k < 3; k++) at[k] = spot->at[k] + rti_keepf(along * spot->axes[0][k]) / scale[k];
         if (image) sum = rti_add(sum, rti_image(texture, at, width));
         else if (texture->kind == RT_TEXTURE_CHECKER) {     /* exactly, of a box around a piece of the long axis */
             float mean = 1;
@@ -5954,7 +5954,7 @@ static float rti_height_at(const RTI_GLOBAL rt_texture *texture, const rti_mappi
     there.v += rti_dot(step, m->across[1]);
     spot = rti_spot_of(texture, &there, rti_add(point, step), round);
     color = rti_look_at_texture(texture, &spot);
-    return (color.x + color.y + color.z) * 0.333333333f;
+    return rti_keepf((color.x + color.y + color.z) * 0.333333333f);
 }
 )
 
@@ -6367,7 +6367,8 @@ static rt_vec3 rti_share(rt_vec3 a, rt_vec3 b)
 RTI_SHARED(
 static rt_vec3 rti_dim(rt_vec3 absorb, float length)
 {
-    return rti_vec3(expf(-rti_positive(absorb.x) * length), expf(-rti_positive(absorb.y) * length), expf(-rti_positive(absorb.z) * length));
+    const rt_vec3 lost = rti_scale(absorb, length);
+    return rti_vec3(expf(-rti_positive(lost.x)), expf(-rti_positive(lost.y)), expf(-rti_positive(lost.z)));
 }
 )
 
@@ -6532,7 +6533,7 @@ static rt_vec3 rti_on_sphere(const rt_light *light, rt_vec3 from, const float u[
 RTI_SHARED(
 typedef struct { double x0, x1, y0, y1, z, b0, b1, k, solid; rt_vec3 x, y, out; } rti_window;
 
-static double rti_arc(double cosine) { return acos(cosine > 1 ? 1 : cosine < -1 ? -1 : cosine); }
+static double rti_arc(double cosine) { return acos(cosine > 1 ? 1 : cosine < -1 ? -1 : rti_round(cosine)); }
 
 static double rti_hypotenuse(double a, double b) { return sqrt(rti_round(a * a) + rti_round(b * b)); }
 )
