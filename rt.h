@@ -988,6 +988,118 @@ static void rti_circle(float turn, float *sine, float *cosine)
 )
 #endif
 
+#ifndef RT_NO_SHADING
+
+RTI_INLINE uint64_t rti_double_bits(double x) { uint64_t bits; memcpy(&bits, &x, sizeof bits); return bits; }
+RTI_INLINE double rti_bits_double(uint64_t bits) { double x; memcpy(&x, &bits, sizeof x); return x; }
+
+/* What shading takes from C libraries elsewhere, for the same reason: in double, of which the floats that are asked for keep all bits but
+   seldom the last. */
+
+/* Within 1e-12 of the value; of less than -700 and more than 700 as of these, which float rounds to 0 and infinity. By the part that powers
+   of 2 leave, within -+ln(2)/2, as a power series. */
+RTI_SHARED(
+static double rti_exp(double x)
+{
+    const double within = x < -700 ? -700 : x > 700 ? 700 : x;
+    const int power = within == within ? (int)(rti_round(within * 1.4426950408889634) + (within < 0 ? -0.5 : 0.5)) : 0;
+    const double r = within - rti_round(power * 0.69314718036912382) - rti_round(power * 1.9082149292705877e-10);
+    double p = 1.0 / 3628800;
+    p = rti_round(p * r) + 1.0 / 362880;
+    p = rti_round(p * r) + 1.0 / 40320;
+    p = rti_round(p * r) + 1.0 / 5040;
+    p = rti_round(p * r) + 1.0 / 720;
+    p = rti_round(p * r) + 1.0 / 120;
+    p = rti_round(p * r) + 1.0 / 24;
+    p = rti_round(p * r) + 1.0 / 6;
+    p = rti_round(p * r) + 0.5;
+    p = rti_round(p * r) + 1;
+    p = rti_round(p * r) + 1;
+    return p * rti_bits_double((uint64_t)(1023 + power) << 52);
+}
+)
+
+/* Within 1e-14, of normal numbers and 0. With x = 2^power m, m within sqrt(2) of 1: the series of the area tangent of (m - 1) / (m + 1). */
+RTI_SHARED(
+static double rti_log(double x)
+{
+    const uint64_t bits = rti_double_bits(x);
+    const int power = (int)((bits + ((uint64_t)0x95f62 << 32)) >> 52) - 1023;       /* the fractions from sqrt(2) on carry */
+    const double m = rti_bits_double(bits - ((uint64_t)power << 52));
+    const double f = (m - 1) / (m + 1), y = rti_round(f * f);
+    double p = 1.0 / 19;
+    if (!(x > 0)) return x == 0 ? -(double)RTI_INFINITY : (x - x) / (x - x);
+    if (x - x != 0) return x;
+    p = rti_round(p * y) + 1.0 / 17;
+    p = rti_round(p * y) + 1.0 / 15;
+    p = rti_round(p * y) + 1.0 / 13;
+    p = rti_round(p * y) + 1.0 / 11;
+    p = rti_round(p * y) + 1.0 / 9;
+    p = rti_round(p * y) + 1.0 / 7;
+    p = rti_round(p * y) + 1.0 / 5;
+    p = rti_round(p * y) + 1.0 / 3;
+    p = rti_round(2 * f * rti_round(p * y)) + 2 * f;
+    return rti_round(power * 0.69314718055994531) + p;
+}
+)
+
+RTI_SHARED(
+static float rti_expf(float x) { return (float)rti_exp((double)x); }
+
+static float rti_powf(float x, float y)     /* x is not negative */
+{
+    return y == 0 || x == 1 ? 1 : (float)rti_exp(rti_round((double)y * rti_log((double)x)));
+}
+)
+#if RTI_SAMPLING
+RTI_SHARED(
+static float rti_logf(float x) { return (float)rti_log((double)x); }
+
+static float rti_expm1f(float x)
+{
+    const double y = (double)x;
+    return (float)(fabs(y) < 1e-3 ? y + rti_round(y * rti_round(y * (0.5 + rti_round(y * (1.0 / 6))))) : rti_exp(y) - 1);
+}
+)
+#endif
+
+/* The angle of (x, y), as atan2 has it, within 1e-15: less those of 0, 1, 2, 3 or 4 quarters, one is left whose tangent is at most 1/7, for
+   the series. */
+RTI_SHARED(
+static double rti_arc_tangent_ratio(double y, double x)
+{
+    const double high = fabs(y), wide = fabs(x), least = high < wide ? high : wide, most = high < wide ? wide : high;
+    const int part = (8 * least > most) + (8 * least > 3 * most) + (8 * least > 5 * most) + (8 * least > 7 * most);
+    const double known = part < 2 ? part ? 0.24497866312686414 : 0
+                                  : part == 2 ? 0.46364760900080609 : part == 3 ? 0.64350110879328437 : 0.78539816339744828;
+    const double c = 0.25 * part, t = (least - rti_round(c * most)) / (most + rti_round(c * least)), z = rti_round(t * t);
+    double p = 1.0 / 19, angle;
+    p = 1.0 / 17 - rti_round(p * z);
+    p = 1.0 / 15 - rti_round(p * z);
+    p = 1.0 / 13 - rti_round(p * z);
+    p = 1.0 / 11 - rti_round(p * z);
+    p = 1.0 / 9 - rti_round(p * z);
+    p = 1.0 / 7 - rti_round(p * z);
+    p = 1.0 / 5 - rti_round(p * z);
+    p = 1.0 / 3 - rti_round(p * z);
+    angle = most > 0 ? known + (t - rti_round(t * rti_round(p * z))) : 0;
+    if (high > wide) angle = 1.5707963267948966 - angle;
+    if (copysign(1.0, x) < 0) angle = 3.1415926535897931 - angle;
+    return copysign(angle, y);
+}
+)
+
+RTI_SHARED(
+static float rti_atan2f(float y, float x) { return (float)rti_arc_tangent_ratio((double)y, (double)x); }
+)
+#if RTI_SAMPLING
+RTI_SHARED(
+static double rti_arc_cosine(double x) { return rti_arc_tangent_ratio(sqrt((1 - x) * (1 + x)), x); }
+)
+#endif
+
+#endif
+
 /* ---- >>layout ------------------------------------------------------------------------------------------------------- */
 
 /* node, 32 bytes                                          triangle, 40 bytes
@@ -5879,8 +5991,8 @@ static rti_mapping rti_map_sphere(rt_vec3 out)
     const rt_vec3 east = level > 0 ? rti_vec3(-out.z / level, 0, out.x / level) : rti_vec3(1, 0, 0);
     const rt_vec3 north = level > 0 ? rti_vec3(-out.x * out.y / level, level, -out.z * out.y / level) : rti_vec3(0, 0, 1);
     rti_mapping m;
-    m.u = 0.5f + rti_keepf(atan2f(out.z, out.x) * 0.159154943f);
-    m.v = 0.5f + rti_keepf(atan2f(out.y, level) * 0.318309886f);
+    m.u = 0.5f + rti_keepf(rti_atan2f(out.z, out.x) * 0.159154943f);
+    m.v = 0.5f + rti_keepf(rti_atan2f(out.y, level) * 0.318309886f);
     m.across[0] = rti_scale(east, 0.159154943f / rti_maxf(level, 1e-4f * sqrtf(r2)));
     m.across[1] = rti_scale(north, r2 > 0 ? 0.318309886f / r2 : 0);
     return m;
@@ -6368,7 +6480,7 @@ RTI_SHARED(
 static rt_vec3 rti_dim(rt_vec3 absorb, float length)
 {
     const rt_vec3 lost = rti_scale(absorb, length);
-    return rti_vec3(expf(-rti_positive(lost.x)), expf(-rti_positive(lost.y)), expf(-rti_positive(lost.z)));
+    return rti_vec3(rti_expf(-rti_positive(lost.x)), rti_expf(-rti_positive(lost.y)), rti_expf(-rti_positive(lost.z)));
 }
 )
 
@@ -6478,8 +6590,8 @@ static rt_vec3 rti_around(rt_vec3 axis, float cosine, float sine2, float turn)
 RTI_SHARED(
 static rt_vec3 rti_on_lobe(rt_vec3 axis, float n, const float u[2])
 {
-    const float log_cosine = logf(1 - u[0]) / (n + 1);      /* u is below 1 */
-    return rti_around(axis, expf(log_cosine), -expm1f(2 * log_cosine), u[1]);
+    const float log_cosine = rti_logf(1 - u[0]) / (n + 1);      /* u is below 1 */
+    return rti_around(axis, rti_expf(log_cosine), -rti_expm1f(2 * log_cosine), u[1]);
 }
 )
 
@@ -6533,7 +6645,7 @@ static rt_vec3 rti_on_sphere(const rt_light *light, rt_vec3 from, const float u[
 RTI_SHARED(
 typedef struct { double x0, x1, y0, y1, z, b0, b1, k, solid; rt_vec3 x, y, out; } rti_window;
 
-static double rti_arc(double cosine) { return acos(cosine > 1 ? 1 : cosine < -1 ? -1 : rti_round(cosine)); }
+static double rti_arc(double cosine) { return rti_arc_cosine(cosine > 1 ? 1 : cosine < -1 ? -1 : rti_round(cosine)); }
 
 static double rti_hypotenuse(double a, double b) { return sqrt(rti_round(a * a) + rti_round(b * b)); }
 )
@@ -6643,7 +6755,7 @@ RTI_INLINE void rti_shine(const float *lanes, rt_vec3 tint, rt_vec3 weight, cons
     const float highlight = lanes[RTI_HIGHLIGHT * RTI_ABREAST];
     rti_add_to(sum, rti_scale(tint, lanes[RTI_COSINE * RTI_ABREAST]), color);
     if (highlight > 0 && rti_any(material->specular))
-        rti_add_to(sum, rti_scale(rti_mul(weight, material->specular), powf(highlight, material->shininess)), color);
+        rti_add_to(sum, rti_scale(rti_mul(weight, material->specular), rti_powf(highlight, material->shininess)), color);
 }
 )
 
@@ -6930,7 +7042,7 @@ static float rti_filtered(rt_filter filter, float u)
 {
     if (filter == RT_FILTER_TENT) return u < 0.5f ? sqrtf(2 * u) - 0.5f : 1.5f - sqrtf(2 - 2 * u);
     if (filter == RT_FILTER_GAUSSIAN) {     /* the inverse of the error function (Giles 2010), between -+ 3 deviations */
-        const float x = rti_keepf(0.997300204f * (2 * u - 1)), w = -logf((1 - x) * (1 + x));
+        const float x = rti_keepf(0.997300204f * (2 * u - 1)), w = -rti_logf((1 - x) * (1 + x));
         const float a = w - 2.5f, b = sqrtf(w) - 3;
         float p;
         if (w < 5) {
