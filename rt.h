@@ -812,8 +812,10 @@ RTI_INLINE double rti_round(double x) { RTI_ROUND(x); return x; }
    products that pass one by one are not packed into vectors (a fifth of the time of textures). */
 #if (defined(__x86_64__) || defined(__i386__)) && !defined(__FMA__) && !defined(__FMA4__)
 RTI_INLINE float rti_keepf(float x) { return x; }
+RTI_INLINE double rti_keep(double x) { return x; }
 #else
 RTI_INLINE float rti_keepf(float x) { return rti_roundf(x); }
+RTI_INLINE double rti_keep(double x) { return rti_round(x); }
 #endif
 
 #if RTI_X86
@@ -940,24 +942,24 @@ static int rti_ceil_log2(size_t n)
 RTI_SHARED(
 static void rti_sine_cosine(double angle, double *sine, double *cosine)
 {
-    const double quarters = floor(rti_round(angle * 0.63661977236758134) + 0.5);
-    const double x = angle - rti_round(quarters * 1.5707963267341256) - rti_round(quarters * 6.0771005065061922e-11), y = rti_round(x * x);
+    const double quarters = floor(rti_keep(angle * 0.63661977236758134) + 0.5);
+    const double x = angle - rti_keep(quarters * 1.5707963267341256) - rti_keep(quarters * 6.0771005065061922e-11), y = rti_keep(x * x);
     const int quarter = (int)quarters & 3;
     double s = -1.0 / 1307674368000.0, c = -1.0 / 87178291200.0;
-    s = rti_round(s * y) + 1.0 / 6227020800.0;
-    s = rti_round(s * y) - 1.0 / 39916800.0;
-    s = rti_round(s * y) + 1.0 / 362880.0;
-    s = rti_round(s * y) - 1.0 / 5040.0;
-    s = rti_round(s * y) + 1.0 / 120.0;
-    s = rti_round(s * y) - 1.0 / 6.0;
-    s = x + rti_round(x * rti_round(s * y));
-    c = rti_round(c * y) + 1.0 / 479001600.0;
-    c = rti_round(c * y) - 1.0 / 3628800.0;
-    c = rti_round(c * y) + 1.0 / 40320.0;
-    c = rti_round(c * y) - 1.0 / 720.0;
-    c = rti_round(c * y) + 1.0 / 24.0;
-    c = rti_round(c * y) - 0.5;
-    c = 1 + rti_round(c * y);
+    s = rti_keep(s * y) + 1.0 / 6227020800.0;
+    s = rti_keep(s * y) - 1.0 / 39916800.0;
+    s = rti_keep(s * y) + 1.0 / 362880.0;
+    s = rti_keep(s * y) - 1.0 / 5040.0;
+    s = rti_keep(s * y) + 1.0 / 120.0;
+    s = rti_keep(s * y) - 1.0 / 6.0;
+    s = x + rti_keep(x * rti_keep(s * y));
+    c = rti_keep(c * y) + 1.0 / 479001600.0;
+    c = rti_keep(c * y) - 1.0 / 3628800.0;
+    c = rti_keep(c * y) + 1.0 / 40320.0;
+    c = rti_keep(c * y) - 1.0 / 720.0;
+    c = rti_keep(c * y) + 1.0 / 24.0;
+    c = rti_keep(c * y) - 0.5;
+    c = 1 + rti_keep(c * y);
     *sine = quarter == 0 ? s : quarter == 1 ? c : quarter == 2 ? -s : -c;
     *cosine = quarter == 0 ? c : quarter == 1 ? -s : quarter == 2 ? -c : s;
 }
@@ -996,50 +998,45 @@ RTI_INLINE double rti_bits_double(uint64_t bits) { double x; memcpy(&x, &bits, s
 /* What shading takes from C libraries elsewhere, for the same reason: in double, of which the floats that are asked for keep all bits but
    seldom the last. */
 
-/* Within 1e-12 of the value; of less than -700 and more than 700 as of these, which float rounds to 0 and infinity. By the part that powers
+/* Within 3e-10 of the value; of less than -700 and more than 700 as of these, which float rounds to 0 and infinity. By the part that powers
    of 2 leave, within -+ln(2)/2, as a power series. */
 RTI_SHARED(
 static double rti_exp(double x)
 {
     const double within = x < -700 ? -700 : x > 700 ? 700 : x;
-    const int power = within == within ? (int)(rti_round(within * 1.4426950408889634) + (within < 0 ? -0.5 : 0.5)) : 0;
-    const double r = within - rti_round(power * 0.69314718036912382) - rti_round(power * 1.9082149292705877e-10);
-    double p = 1.0 / 3628800;
-    p = rti_round(p * r) + 1.0 / 362880;
-    p = rti_round(p * r) + 1.0 / 40320;
-    p = rti_round(p * r) + 1.0 / 5040;
-    p = rti_round(p * r) + 1.0 / 720;
-    p = rti_round(p * r) + 1.0 / 120;
-    p = rti_round(p * r) + 1.0 / 24;
-    p = rti_round(p * r) + 1.0 / 6;
-    p = rti_round(p * r) + 0.5;
-    p = rti_round(p * r) + 1;
-    p = rti_round(p * r) + 1;
+    const int power = within == within ? (int)(rti_keep(within * 1.4426950408889634) + (within < 0 ? -0.5 : 0.5)) : 0;
+    const double r = within - rti_keep(power * 0.69314718036912382) - rti_keep(power * 1.9082149292705877e-10);
+    double p = 1.0 / 40320;
+    p = rti_keep(p * r) + 1.0 / 5040;
+    p = rti_keep(p * r) + 1.0 / 720;
+    p = rti_keep(p * r) + 1.0 / 120;
+    p = rti_keep(p * r) + 1.0 / 24;
+    p = rti_keep(p * r) + 1.0 / 6;
+    p = rti_keep(p * r) + 0.5;
+    p = rti_keep(p * r) + 1;
+    p = rti_keep(p * r) + 1;
     return p * rti_bits_double((uint64_t)(1023 + power) << 52);
 }
 )
 
-/* Within 1e-14, of normal numbers and 0. With x = 2^power m, m within sqrt(2) of 1: the series of the area tangent of (m - 1) / (m + 1). */
+/* Within 1e-12, of normal numbers and 0. With x = 2^power m, m within sqrt(2) of 1: the series of the area tangent of (m - 1) / (m + 1). */
 RTI_SHARED(
 static double rti_log(double x)
 {
     const uint64_t bits = rti_double_bits(x);
     const int power = (int)((bits + ((uint64_t)0x95f62 << 32)) >> 52) - 1023;       /* the fractions from sqrt(2) on carry */
     const double m = rti_bits_double(bits - ((uint64_t)power << 52));
-    const double f = (m - 1) / (m + 1), y = rti_round(f * f);
-    double p = 1.0 / 19;
+    const double f = (m - 1) / (m + 1), y = rti_keep(f * f);
+    double p = 1.0 / 13;
     if (!(x > 0)) return x == 0 ? -(double)RTI_INFINITY : (x - x) / (x - x);
     if (x - x != 0) return x;
-    p = rti_round(p * y) + 1.0 / 17;
-    p = rti_round(p * y) + 1.0 / 15;
-    p = rti_round(p * y) + 1.0 / 13;
-    p = rti_round(p * y) + 1.0 / 11;
-    p = rti_round(p * y) + 1.0 / 9;
-    p = rti_round(p * y) + 1.0 / 7;
-    p = rti_round(p * y) + 1.0 / 5;
-    p = rti_round(p * y) + 1.0 / 3;
-    p = rti_round(2 * f * rti_round(p * y)) + 2 * f;
-    return rti_round(power * 0.69314718055994531) + p;
+    p = rti_keep(p * y) + 1.0 / 11;
+    p = rti_keep(p * y) + 1.0 / 9;
+    p = rti_keep(p * y) + 1.0 / 7;
+    p = rti_keep(p * y) + 1.0 / 5;
+    p = rti_keep(p * y) + 1.0 / 3;
+    p = rti_keep(2 * f * rti_keep(p * y)) + 2 * f;
+    return rti_keep(power * 0.69314718055994531) + p;
 }
 )
 
@@ -1048,7 +1045,7 @@ static float rti_expf(float x) { return (float)rti_exp((double)x); }
 
 static float rti_powf(float x, float y)     /* x is not negative */
 {
-    return y == 0 || x == 1 ? 1 : (float)rti_exp(rti_round((double)y * rti_log((double)x)));
+    return y == 0 || x == 1 ? 1 : (float)rti_exp(rti_keep((double)y * rti_log((double)x)));
 }
 )
 #if RTI_SAMPLING
@@ -1058,45 +1055,35 @@ static float rti_logf(float x) { return (float)rti_log((double)x); }
 static float rti_expm1f(float x)
 {
     const double y = (double)x;
-    return (float)(fabs(y) < 1e-3 ? y + rti_round(y * rti_round(y * (0.5 + rti_round(y * (1.0 / 6))))) : rti_exp(y) - 1);
+    return (float)(fabs(y) < 1e-3 ? y + rti_keep(y * rti_keep(y * (0.5 + rti_keep(y * (1.0 / 6))))) : rti_exp(y) - 1);
 }
 )
 #endif
 
-/* The angle of (x, y), as atan2 has it, within 1e-15: less those of 0, 1, 2, 3 or 4 quarters, one is left whose tangent is at most 1/7, for
-   the series. */
+/* The angle of (x, y), as atan2 has it, within 1e-15: less that of (4, part), one is left whose tangent is at most 1/8, for the series.
+   Without branches, which guess wrong. */
 RTI_SHARED(
 static double rti_arc_tangent_ratio(double y, double x)
 {
-    const double high = fabs(y), wide = fabs(x), least = high < wide ? high : wide, most = high < wide ? wide : high;
+    const double known[5] = { 0, 0.24497866312686414, 0.46364760900080609, 0.64350110879328437, 0.78539816339744828 };
+    const double high = fabs(y), wide = fabs(x), least = high < wide ? high : wide, most = wide < high ? high : wide;
     const int part = (8 * least > most) + (8 * least > 3 * most) + (8 * least > 5 * most) + (8 * least > 7 * most);
-    const double known = part < 2 ? part ? 0.24497866312686414 : 0
-                                  : part == 2 ? 0.46364760900080609 : part == 3 ? 0.64350110879328437 : 0.78539816339744828;
-    const double c = 0.25 * part, t = (least - rti_round(c * most)) / (most + rti_round(c * least)), z = rti_round(t * t);
-    double p = 1.0 / 19, angle;
-    p = 1.0 / 17 - rti_round(p * z);
-    p = 1.0 / 15 - rti_round(p * z);
-    p = 1.0 / 13 - rti_round(p * z);
-    p = 1.0 / 11 - rti_round(p * z);
-    p = 1.0 / 9 - rti_round(p * z);
-    p = 1.0 / 7 - rti_round(p * z);
-    p = 1.0 / 5 - rti_round(p * z);
-    p = 1.0 / 3 - rti_round(p * z);
-    angle = most > 0 ? known + (t - rti_round(t * rti_round(p * z))) : 0;
-    if (high > wide) angle = 1.5707963267948966 - angle;
-    if (copysign(1.0, x) < 0) angle = 3.1415926535897931 - angle;
-    return copysign(angle, y);
+    const int steep = high > wide, back = copysign(1.0, x) < 0;
+    const double c = 0.25 * part, t = (least - rti_keep(c * most)) / (most + rti_keep(c * least)), z = rti_keep(t * t), zz = rti_keep(z * z);
+    double p = 1.0 / 13, q = 1.0 / 15, angle;
+    p = 1.0 / 9 + rti_keep(p * zz);
+    q = 1.0 / 11 + rti_keep(q * zz);
+    p = 1.0 / 5 + rti_keep(p * zz);
+    q = 1.0 / 7 + rti_keep(q * zz);
+    p = rti_keep(p * zz) - rti_keep(z * (1.0 / 3 + rti_keep(q * zz)));
+    angle = most > 0 ? known[part] + (t + rti_keep(t * p)) : 0;
+    return copysign((steep ? 1 : 2 * back) * 1.5707963267948966 + (1 - 2 * (steep ^ back)) * angle, y);
 }
 )
 
 RTI_SHARED(
 static float rti_atan2f(float y, float x) { return (float)rti_arc_tangent_ratio((double)y, (double)x); }
 )
-#if RTI_SAMPLING
-RTI_SHARED(
-static double rti_arc_cosine(double x) { return rti_arc_tangent_ratio(sqrt((1 - x) * (1 + x)), x); }
-)
-#endif
 
 #endif
 
@@ -5049,7 +5036,7 @@ static rti_view rti_make_view(const rt_camera *camera, int width, int height)
     rt_vec3 forward = rti_normalize(rti_sub(camera->look, camera->eye)), right, down;
     double sine, cosine;
     float pixel;
-    rti_sine_cosine(rti_round((double)camera->fov * 0.00872664625997164788), &sine, &cosine);      /* degrees to half radians */
+    rti_sine_cosine(rti_keep((double)camera->fov * 0.00872664625997164788), &sine, &cosine);      /* degrees to half radians */
     pixel = (float)(2 * sine / cosine / height);
     right = rti_cross(forward, rti_normalize(camera->up));
     if (!(rti_dot(right, right) > 0))       /* up along the view axis, or zero: any level right will do */
@@ -6645,9 +6632,18 @@ static rt_vec3 rti_on_sphere(const rt_light *light, rt_vec3 from, const float u[
 RTI_SHARED(
 typedef struct { double x0, x1, y0, y1, z, b0, b1, k, solid; rt_vec3 x, y, out; } rti_window;
 
-static double rti_arc(double cosine) { return rti_arc_cosine(cosine > 1 ? 1 : cosine < -1 ? -1 : rti_round(cosine)); }
+static double rti_hypotenuse(double a, double b) { return sqrt(rti_keep(a * a) + rti_keep(b * b)); }
+)
 
-static double rti_hypotenuse(double a, double b) { return sqrt(rti_round(a * a) + rti_round(b * b)); }
+/* The sum of the angles, from 0 to pi, that have these cosines. */
+RTI_SHARED(
+static double rti_sum_arcs(double a, double b)
+{
+    const double sine_a = sqrt((1 - a) * (1 + a)), sine_b = sqrt((1 - b) * (1 + b));
+    const double cosine = rti_keep(a * b) - rti_keep(sine_a * sine_b), sine = rti_keep(sine_a * b) + rti_keep(a * sine_b);
+    const double angle = rti_arc_tangent_ratio(fabs(sine), cosine);
+    return sine < 0 || (sine == 0 && cosine > 0 && a < 0) ? 6.2831853071795865 - angle : angle;
+}
 )
 
 RTI_SHARED(
@@ -6676,13 +6672,10 @@ static rti_window rti_make_window(const rt_light *light, rt_vec3 from)
         zy[i] = ry > 0 ? y / ry : 0;
     }
     /* n0 = (0, z, -y0), n1 = (-z, 0, x1), n2 = (0, -z, y1), n3 = (z, 0, -x0), each over its length */
-    {
-        const double g0 = rti_arc(zy[0] * zx[1]), g1 = rti_arc(-zx[1] * zy[1]), g2 = rti_arc(zy[1] * zx[0]), g3 = rti_arc(-zx[0] * zy[0]);
-        w.b0 = -zy[0];
-        w.b1 = zy[1];
-        w.k = 6.283185307179586 - g2 - g3;
-        w.solid = g0 + g1 - w.k;
-    }
+    w.b0 = -zy[0];
+    w.b1 = zy[1];
+    w.k = 6.2831853071795865 - rti_sum_arcs(rti_keep(zy[1] * zx[0]), rti_keep(-zx[0] * zy[0]));
+    w.solid = rti_sum_arcs(rti_keep(zy[0] * zx[1]), rti_keep(-zx[1] * zy[1])) - w.k;
     return w;
 }
 )
@@ -6697,23 +6690,23 @@ static rt_vec3 rti_on_rectangle(const rt_light *light, rt_vec3 from, const float
     double x, y;
     *share = 1;
     if (light->by_area || !(w.solid > 1e-8)) {              /* seen so small, its points count alike to some 1e-4 */
-        x = w.x0 + rti_round((double)u[0] * (w.x1 - w.x0));
-        y = w.y0 + rti_round((double)u[1] * (w.y1 - w.y0));
+        x = w.x0 + rti_keep((double)u[0] * (w.x1 - w.x0));
+        y = w.y0 + rti_keep((double)u[1] * (w.y1 - w.y0));
         if (w.solid > 1e-8) {
-            const double away2 = rti_round(x * x) + rti_round(y * y) + rti_round(w.z * w.z);
+            const double away2 = rti_keep(x * x) + rti_keep(y * y) + rti_keep(w.z * w.z);
             *share = (float)(-w.z / (away2 * sqrt(away2)) * area / w.solid);
         }
     } else {
         double sine, cosine, f, c, d, h0, h1, h;
-        rti_sine_cosine(rti_round((double)u[0] * w.solid) + w.k, &sine, &cosine);
-        f = (rti_round(cosine * w.b0) - w.b1) / sine;
+        rti_sine_cosine(rti_keep((double)u[0] * w.solid) + w.k, &sine, &cosine);
+        f = (rti_keep(cosine * w.b0) - w.b1) / sine;
         c = rti_clamp((f > 0 ? 1 : -1) / rti_hypotenuse(f, w.b0), -1, 1);
-        x = rti_clamp(-(c * w.z) / sqrt(1 - rti_round(c * c)), w.x0, w.x1);
+        x = rti_clamp(-(c * w.z) / sqrt(1 - rti_keep(c * c)), w.x0, w.x1);
         d = rti_hypotenuse(x, w.z);
         h0 = w.y0 / rti_hypotenuse(d, w.y0);
         h1 = w.y1 / rti_hypotenuse(d, w.y1);
-        h = h0 + rti_round((double)u[1] * (h1 - h0));
-        y = h * h < 1 ? rti_clamp(h * d / sqrt(1 - rti_round(h * h)), w.y0, w.y1) : h > 0 ? w.y1 : w.y0;
+        h = h0 + rti_keep((double)u[1] * (h1 - h0));
+        y = h * h < 1 ? rti_clamp(h * d / sqrt(1 - rti_keep(h * h)), w.y0, w.y1) : h > 0 ? w.y1 : w.y0;
     }
     return rti_add(from, rti_add(rti_scale(w.x, (float)x), rti_add(rti_scale(w.y, (float)y), rti_scale(w.out, (float)w.z))));
 }
@@ -6815,28 +6808,30 @@ static bool rti_bend(rt_vec3 view, rt_vec3 normal, float eta, rt_vec3 *dir, floa
 }
 )
 
-/* A ray that a surface sends on. */
+/* A ray that a surface sends on, and what it carries: from is that of the ray before. */
 RTI_SHARED(
-typedef struct {
-    rt_vec3 org, dir, weight;
-    const RTI_GLOBAL rt_material *medium;
-} rti_sent;
-
-RTI_INLINE rti_sent rti_send(rt_vec3 org, rt_vec3 dir, rt_vec3 weight, const RTI_GLOBAL rt_material *medium)
+RTI_INLINE void rti_send(rt_ray *ray, rti_path *path, rt_vec3 org, rt_vec3 dir, rt_vec3 weight, const RTI_GLOBAL rt_material *medium,
+                         const rti_path *from, rti_kind_of_ray kind)
 {
-    rti_sent ray;
-    ray.org = org;
-    ray.dir = dir;
-    ray.weight = weight;
-    ray.medium = medium;
-    return ray;
+    rti_set_ray(ray, org, dir, RTI_INFINITY);
+    *path = *from;
+    path->weight = weight;
+    path->medium = medium;
+)
+#if RTI_SAMPLING
+RTI_SHARED(
+    path->branch = 2 * from->branch + (kind == RTI_REFRACT);
+)
+#endif
+RTI_SHARED(
+    (void)kind;
 }
 )
 
-/* The rays that a shiny surface sends on; answers which, in bits RTI_REFLECT and RTI_REFRACT. */
+/* The rays that a shiny surface sends on: what is mirrored first, then what is refracted. Answers which there are, in bits 0 and 1. */
 RTI_SHARED(
 RTI_NOINLINE unsigned rti_bounce_off(const rti_film *film, const rti_path *path, const RTI_GLOBAL rt_material *material, bool inside,
-                                     const float *lanes, rti_sent *mirrored, rti_sent *refracted)
+                                     const float *lanes, rt_ray *const rays[2], rti_path *const paths[2])
 {
     const rt_vec3 view = rti_get(lanes, RTI_VIEW), geometric = rti_get(lanes, RTI_GEOMETRIC), org = rti_get(lanes, RTI_POINT);
     const rt_vec3 transmit = rti_share(material->transmit, material->reflect);
@@ -6866,9 +6861,9 @@ RTI_SHARED(
 )
 #endif
 RTI_SHARED(
-            *refracted = rti_send(rti_sub(org, rti_scale(geometric, 2 * lanes[RTI_OFFSET * RTI_ABREAST])), bent, through,
-                                  inside ? NULL : material);
-            sent |= 1u << RTI_REFRACT;
+            rti_send(rays[1], paths[1], rti_sub(org, rti_scale(geometric, 2 * lanes[RTI_OFFSET * RTI_ABREAST])), bent, through,
+                     inside ? NULL : material, path, RTI_REFRACT);
+            sent = 2;
         }
     }
     reflect = rti_mul(reflect, path->weight);
@@ -6880,28 +6875,10 @@ RTI_SHARED(
 )
 #endif
 RTI_SHARED(
-        *mirrored = rti_send(org, mirror, reflect, path->medium);
-        sent |= 1u << RTI_REFLECT;
+        rti_send(rays[0], paths[0], org, mirror, reflect, path->medium, path, RTI_REFLECT);
+        sent |= 1;
     }
     return sent;
-}
-)
-
-/* What such a ray carries, from being that of the ray before. */
-RTI_SHARED(
-RTI_INLINE void rti_pass_on(rti_path *path, const rti_path *from, const rti_sent *ray, rti_kind_of_ray kind)
-{
-    *path = *from;
-    path->weight = ray->weight;
-    path->medium = ray->medium;
-)
-#if RTI_SAMPLING
-RTI_SHARED(
-    path->branch = 2 * from->branch + (kind == RTI_REFRACT);
-)
-#endif
-RTI_SHARED(
-    (void)kind;
 }
 )
 
@@ -6913,17 +6890,11 @@ static void rti_bounce(rti_render *r, int level)
     RT_ASSERT(base + 2 * most <= r->waiting_space);
     for (i = 0; i < most; i++) {
         const size_t at = r->shiny[i];
-        const rti_path *path = &r->paths[at];
-        rti_sent mirror, through;
-        const unsigned sent = rti_bounce_off(&r->film, path, r->materials[at], r->inside[at], rti_lanes(r->surfaces, at), &mirror, &through);
-        if (sent >> RTI_REFRACT & 1) {
-            rti_set_ray(&r->waiting_rays[base + most + refracted], through.org, through.dir, RTI_INFINITY);
-            rti_pass_on(&r->waiting[base + most + refracted++], path, &through, RTI_REFRACT);
-        }
-        if (sent >> RTI_REFLECT & 1) {
-            rti_set_ray(&r->waiting_rays[base + reflected], mirror.org, mirror.dir, RTI_INFINITY);
-            rti_pass_on(&r->waiting[base + reflected++], path, &mirror, RTI_REFLECT);
-        }
+        rt_ray *const rays[2] = { r->waiting_rays + base + reflected, r->waiting_rays + base + most + refracted };
+        rti_path *const paths[2] = { r->waiting + base + reflected, r->waiting + base + most + refracted };
+        const unsigned sent = rti_bounce_off(&r->film, &r->paths[at], r->materials[at], r->inside[at], rti_lanes(r->surfaces, at), rays, paths);
+        reflected += sent & 1;
+        refracted += sent >> 1;
     }
     if (reflected < most) {
         memmove(r->waiting_rays + base + reflected, r->waiting_rays + base + most, refracted * sizeof *r->waiting_rays);
@@ -6976,7 +6947,7 @@ static void rti_subpixel(int i, int n, float *x, float *y)
         *x = ((float)(i % side) + 0.5f) / (float)side;
         *y = ((float)(i / side) + 0.5f) / (float)side;
     } else {
-        double a = 0.5 + rti_round(0.7548776662466927 * (double)i), b = 0.5 + rti_round(0.5698402909980532 * (double)i);
+        double a = 0.5 + rti_keep(0.7548776662466927 * (double)i), b = 0.5 + rti_keep(0.5698402909980532 * (double)i);
         *x = (float)(a - floor(a));
         *y = (float)(b - floor(b));
     }
