@@ -796,9 +796,12 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #else
 #define RTI_ROUND(x) ((void)0)              /* fp_contract(off) above */
 #endif
+
 /* What the device of rt_gpu.h must do alike is compiled twice from one text: as C here, and as OpenCL C, for which rt_gpu.h includes this file
    again with RTI_TEXT, when RTI_SHARED makes strings of it. So it keeps to what both languages have, and to constants rather than #if. Memory
-   of an accel is RTI_GLOBAL. */
+   of an accel or a scene is RTI_GLOBAL. Where that has pointers here the device has distances, which RTI_OPEN and RTI_FOLLOW read, so
+   it has its own rti_instance, rt_material, rt_texture and rti_part, and its own rti_family_of, rti_shape_of and rti_part_of. It shades
+   one surface at a time: its RTI_ABREAST is 1. */
 #define RTI_GLOBAL
 #define RTI_FOLLOW(type, from, field) ((from)->field)       /* the type that a thing of a scene refers to, or NULL */
 #define RTI_OPEN(name, parent, accel) const rt_accel *const name = (accel)     /* an instance's accel, by what the instance keeps of it */
@@ -960,16 +963,16 @@ static void rti_sine_cosine(double angle, double *sine, double *cosine)
     c = rti_keep(c * y) + 1.0 / 24.0;
     c = rti_keep(c * y) - 0.5;
     c = 1 + rti_keep(c * y);
-    *sine = quarter == 0 ? s : quarter == 1 ? c : quarter == 2 ? -s : -c;
-    *cosine = quarter == 0 ? c : quarter == 1 ? -s : quarter == 2 ? -c : s;
+    *sine = (quarter & 1 ? c : s) * (1 - (quarter & 2));
+    *cosine = (quarter & 1 ? s : c) * (1 - ((quarter + 1) & 2));
 }
 )
 #endif
 
 #if !defined(RT_NO_SHADING) && RTI_SAMPLING
-/* Of so much of a full turn, -1/8 to 1, within 2e-7. */
+/* The same of so much of a full turn, -1/8 to 1, within 2e-7. */
 RTI_SHARED(
-static void rti_circle(float turn, float *sine, float *cosine)
+RTI_INLINE void rti_circle(float turn, float *sine, float *cosine)
 {
     const int quarter = (int)(4 * turn + 0.5f);
     const float x = rti_keepf((4 * turn - (float)quarter) * 1.57079633f), y = rti_keepf(x * x);
@@ -982,21 +985,18 @@ static void rti_circle(float turn, float *sine, float *cosine)
     c = rti_keepf(c * y) + 4.16666667e-2f;
     c = rti_keepf(c * y) - 0.5f;
     c = 1 + rti_keepf(c * y);
-    *sine = quarter & 1 ? c : s;
-    *cosine = quarter & 1 ? s : c;
-    if (quarter & 2) *sine = -*sine;
-    if ((quarter + 1) & 2) *cosine = -*cosine;
+    *sine = (quarter & 1 ? c : s) * (float)(1 - (quarter & 2));
+    *cosine = (quarter & 1 ? s : c) * (float)(1 - ((quarter + 1) & 2));
 }
 )
 #endif
 
 #ifndef RT_NO_SHADING
 
+/* What else would come from C libraries, for the same reason: in double, so that rounded to float hardly a last bit is wrong. */
+
 RTI_INLINE uint64_t rti_double_bits(double x) { uint64_t bits; memcpy(&bits, &x, sizeof bits); return bits; }
 RTI_INLINE double rti_bits_double(uint64_t bits) { double x; memcpy(&x, &bits, sizeof x); return x; }
-
-/* What shading takes from C libraries elsewhere, for the same reason: in double, of which the floats that are asked for keep all bits but
-   seldom the last. */
 
 /* Within 3e-10 of the value; of less than -700 and more than 700 as of these, which float rounds to 0 and infinity. By the part that powers
    of 2 leave, within -+ln(2)/2, as a power series. */
@@ -1005,38 +1005,35 @@ static double rti_exp(double x)
 {
     const double within = x < -700 ? -700 : x > 700 ? 700 : x;
     const int power = within == within ? (int)(rti_keep(within * 1.4426950408889634) + (within < 0 ? -0.5 : 0.5)) : 0;
-    const double r = within - rti_keep(power * 0.69314718036912382) - rti_keep(power * 1.9082149292705877e-10);
-    double p = 1.0 / 40320;
-    p = rti_keep(p * r) + 1.0 / 5040;
-    p = rti_keep(p * r) + 1.0 / 720;
-    p = rti_keep(p * r) + 1.0 / 120;
-    p = rti_keep(p * r) + 1.0 / 24;
-    p = rti_keep(p * r) + 1.0 / 6;
-    p = rti_keep(p * r) + 0.5;
-    p = rti_keep(p * r) + 1;
-    p = rti_keep(p * r) + 1;
-    return p * rti_bits_double((uint64_t)(1023 + power) << 52);
+    const double r = within - rti_keep(power * 0.69314718036912382) - rti_keep(power * 1.9082149292705877e-10), y = rti_keep(r * r);
+    double even = 1.0 / 40320, odd = 1.0 / 5040;
+    even = rti_keep(even * y) + 1.0 / 720;
+    odd = rti_keep(odd * y) + 1.0 / 120;
+    even = rti_keep(even * y) + 1.0 / 24;
+    odd = rti_keep(odd * y) + 1.0 / 6;
+    even = rti_keep(even * y) + 0.5;
+    odd = rti_keep(odd * y) + 1;
+    even = rti_keep(even * y) + 1;
+    return (even + rti_keep(odd * r)) * rti_bits_double((uint64_t)(1023 + power) << 52);
 }
 )
 
-/* Within 1e-12, of normal numbers and 0. With x = 2^power m, m within sqrt(2) of 1: the series of the area tangent of (m - 1) / (m + 1). */
+/* Within 1e-12, of normal numbers and 0. With x = 2^power m, m within sqrt(2) of 1: the series of artanh((m - 1) / (m + 1)). */
 RTI_SHARED(
 static double rti_log(double x)
 {
     const uint64_t bits = rti_double_bits(x);
     const int power = (int)((bits + ((uint64_t)0x95f62 << 32)) >> 52) - 1023;       /* the fractions from sqrt(2) on carry */
     const double m = rti_bits_double(bits - ((uint64_t)power << 52));
-    const double f = (m - 1) / (m + 1), y = rti_keep(f * f);
-    double p = 1.0 / 13;
+    const double f = (m - 1) / (m + 1), y = rti_keep(f * f), yy = rti_keep(y * y);
+    double p = 1.0 / 11, q = 1.0 / 13;
     if (!(x > 0)) return x == 0 ? -(double)RTI_INFINITY : (x - x) / (x - x);
     if (x - x != 0) return x;
-    p = rti_keep(p * y) + 1.0 / 11;
-    p = rti_keep(p * y) + 1.0 / 9;
-    p = rti_keep(p * y) + 1.0 / 7;
-    p = rti_keep(p * y) + 1.0 / 5;
-    p = rti_keep(p * y) + 1.0 / 3;
-    p = rti_keep(2 * f * rti_keep(p * y)) + 2 * f;
-    return rti_keep(power * 0.69314718055994531) + p;
+    p = rti_keep(p * yy) + 1.0 / 7;
+    q = rti_keep(q * yy) + 1.0 / 9;
+    p = rti_keep(p * yy) + 1.0 / 3;
+    q = rti_keep(q * yy) + 1.0 / 5;
+    return rti_keep(power * 0.69314718055994531) + (2 * f + rti_keep(2 * f * rti_keep(rti_keep(p * y) + rti_keep(q * yy))));
 }
 )
 
@@ -1051,17 +1048,11 @@ static float rti_powf(float x, float y)     /* x is not negative */
 #if RTI_SAMPLING
 RTI_SHARED(
 static float rti_logf(float x) { return (float)rti_log((double)x); }
-
-static float rti_expm1f(float x)
-{
-    const double y = (double)x;
-    return (float)(fabs(y) < 1e-3 ? y + rti_keep(y * rti_keep(y * (0.5 + rti_keep(y * (1.0 / 6))))) : rti_exp(y) - 1);
-}
 )
 #endif
 
-/* The angle of (x, y), as atan2 has it, within 1e-15: less that of (4, part), one is left whose tangent is at most 1/8, for the series.
-   Without branches, which guess wrong. */
+/* The angle of (x, y), which are finite, as atan2 has it, within 1e-15: less that of (4, part), one is left whose tangent is at most 1/8, for
+   the series. Without branches, which processors would guess wrong. */
 RTI_SHARED(
 static double rti_arc_tangent_ratio(double y, double x)
 {
@@ -4884,7 +4875,7 @@ static uint32_t rti_shuffle(uint32_t i, uint32_t n, uint32_t key)
 )
 
 RTI_SHARED(
-static uint32_t rti_reverse(uint32_t x)
+RTI_INLINE uint32_t rti_reverse(uint32_t x)
 {
     x = x << 16 | x >> 16;
     x = (x & 0x00ff00ffu) << 8 | (x & 0xff00ff00u) >> 8;
@@ -4897,7 +4888,7 @@ static uint32_t rti_reverse(uint32_t x)
 /* Owen's scrambling: whether a bit is flipped depends on all that are above it. On reversed bits a product, and a sum, carry upwards only;
    so does what is xored with an even product (Laine and Karras 2011). */
 RTI_SHARED(
-static uint32_t rti_owen(uint32_t x, uint32_t key)
+RTI_INLINE uint32_t rti_owen(uint32_t x, uint32_t key)
 {
     x = rti_reverse(x);
     x ^= x * 0x3c6ef372u;
@@ -5022,7 +5013,7 @@ static rt_vec3 rti_normalize(rt_vec3 a)
 
 /* Two unit vectors across n, which is one (Duff et al. 2017). */
 RTI_SHARED(
-static void rti_frame(rt_vec3 n, rt_vec3 *x, rt_vec3 *y)
+RTI_INLINE void rti_frame(rt_vec3 n, rt_vec3 *x, rt_vec3 *y)
 {
     const float sign = copysignf(1, n.z), a = -1 / (sign + n.z), b = rti_keepf(n.x * n.y * a);
     *x = rti_vec3(1 + rti_keepf(sign * n.x * n.x * a), sign * b, -sign * n.x);
@@ -6075,7 +6066,8 @@ static rt_vec3 rti_bump(const RTI_GLOBAL rt_material *material, const rti_mappin
         const float length = sqrtf(rti_dot(steps[i], steps[i]));
         const rt_vec3 along = rti_normalize(steps[i]);
         const float du = rti_dot(along, m->across[0]), dv = rti_dot(along, m->across[1]);
-        const float rate = texture->solid ? 1 : sqrtf(rti_keepf(du * du) + rti_keepf(dv * dv)), step = rti_maxf(length, rate > 0 ? least / rate : 0);
+        const float rate = texture->solid ? 1 : sqrtf(rti_keepf(du * du) + rti_keepf(dv * dv));
+        const float step = rti_maxf(length, rate > 0 ? least / rate : 0);
         rt_vec3 way;
         float slope;
         if (!(step > 0)) continue;
@@ -6354,7 +6346,8 @@ RTI_INLINE const RTI_GLOBAL rt_material *rti_look_up(const rti_shape *shape, con
         rt_vec3 pq, pr, flat;
         rti_edges_of(shape, hit->prim, v, &pq, &pr);
         flat = rti_cross(pq, pr);
-        lanes[RTI_OFFSET * RTI_ABREAST] += rti_keepf(0.1f * gaze->stretch * rti_maxf(rti_largest(pq), rti_largest(pr)));  /* t errs by so much too */
+        /* t errs by so much too */
+        lanes[RTI_OFFSET * RTI_ABREAST] += rti_keepf(0.1f * gaze->stretch * rti_maxf(rti_largest(pq), rti_largest(pr)));
         rti_put(lanes, RTI_GEOMETRIC, flat);
         rti_put(lanes, RTI_NORMAL, flat);
         if (shape->normals) {
@@ -6577,8 +6570,8 @@ static rt_vec3 rti_around(rt_vec3 axis, float cosine, float sine2, float turn)
 RTI_SHARED(
 static rt_vec3 rti_on_lobe(rt_vec3 axis, float n, const float u[2])
 {
-    const float log_cosine = rti_logf(1 - u[0]) / (n + 1);      /* u is below 1 */
-    return rti_around(axis, rti_expf(log_cosine), -rti_expm1f(2 * log_cosine), u[1]);
+    const double cosine = rti_exp(rti_log((double)(1 - u[0])) / (double)(n + 1));       /* u is below 1 */
+    return rti_around(axis, (float)cosine, (float)((1 - cosine) * (1 + cosine)), u[1]);
 }
 )
 
@@ -6743,7 +6736,8 @@ RTI_INLINE bool rti_faces_light(const float *lanes, rt_vec3 tint, const RTI_GLOB
 
 /* Adds what a light does that reaches a surface. */
 RTI_SHARED(
-RTI_INLINE void rti_shine(const float *lanes, rt_vec3 tint, rt_vec3 weight, const RTI_GLOBAL rt_material *material, rt_vec3 color, rt_vec3 *sum)
+RTI_INLINE void rti_shine(const float *lanes, rt_vec3 tint, rt_vec3 weight, const RTI_GLOBAL rt_material *material, rt_vec3 color,
+                          rt_vec3 *sum)
 {
     const float highlight = lanes[RTI_HIGHLIGHT * RTI_ABREAST];
     rti_add_to(sum, rti_scale(tint, lanes[RTI_COSINE * RTI_ABREAST]), color);
@@ -6892,7 +6886,8 @@ static void rti_bounce(rti_render *r, int level)
         const size_t at = r->shiny[i];
         rt_ray *const rays[2] = { r->waiting_rays + base + reflected, r->waiting_rays + base + most + refracted };
         rti_path *const paths[2] = { r->waiting + base + reflected, r->waiting + base + most + refracted };
-        const unsigned sent = rti_bounce_off(&r->film, &r->paths[at], r->materials[at], r->inside[at], rti_lanes(r->surfaces, at), rays, paths);
+        const unsigned sent = rti_bounce_off(&r->film, &r->paths[at], r->materials[at], r->inside[at], rti_lanes(r->surfaces, at), rays,
+                                             paths);
         reflected += sent & 1;
         refracted += sent >> 1;
     }
