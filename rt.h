@@ -127,6 +127,9 @@
 
 /* ---- >>types -------------------------------------------------------------------------------------------------------- */
 
+/* Text that devices compile too, see >>platform. */
+#define RTI_SHARED(...) __VA_ARGS__
+
 #define RT_NONE 0xffffffffu                 /* no primitive, no instance */
 #define RT_MAX_COORDINATE 1e18f             /* |coordinate| of vertices, sphere extents, instance extents, ray origins */
 #define RT_MIN_DIRECTION  1e-30f            /* least and greatest size of the largest component of a ray's dir */
@@ -139,10 +142,12 @@
 #define RT_MAX_ANGLE      1000.0f           /* radians that an instance turns from time 0 to 1 */
 #define RT_DEPTHS         65                /* depths that a node of a tree can have */
 
+RTI_SHARED(
 typedef struct { float x, y, z; } rt_vec3;
 typedef struct { rt_vec3 org; float tmin; rt_vec3 dir; float tmax; } rt_ray;    /* 32 bytes */
 typedef struct { float t, u, v; uint32_t prim, inst; } rt_hit;                  /* 20 bytes; a miss: prim and inst RT_NONE, t infinite */
 typedef struct { rt_vec3 center; float radius; } rt_sphere;                     /* radius >= 0 */
+)
 
 typedef struct rt_accel rt_accel;           /* opaque; made by rt_build */
 
@@ -175,11 +180,13 @@ RT_API const char *rt_status_string(rt_status status);
 #ifndef RT_NO_INSTANCES
 /* How an instance goes on from where its transform puts it, while time runs from 0 to 1: it turns about an axis and is moved. At time s
    world = move * s + turn(angle * s) of (transform * object). */
+RTI_SHARED(
 typedef struct {
     rt_vec3 move;
     rt_vec3 pivot, axis;                    /* the line it turns about: through pivot, along axis, of any length */
     float angle;                            /* radians, counterclockwise seen against axis; of at most RT_MAX_ANGLE; 0: axis may be 0 */
 } rt_motion;
+)
 
 /* accel seen through an affine transform: world = M * object, M = 3 rows of 4, row by row; must be invertible. */
 typedef struct {
@@ -192,10 +199,12 @@ typedef struct {
 #ifndef RT_NO_PLANES
 /* Ground that stays outside of the tree, as [Lohr] 4 has it: an infinite plane, or, with a radius, a disc. Both sides are hit. u and v of
    its hits are 0. */
+RTI_SHARED(
 typedef struct {
     rt_vec3 point, normal;                  /* a point of it, the centre of a disc; normal: of any length but 0 */
     float radius;                           /* of a disc; 0: infinite */
 } rt_plane;
+)
 #endif
 
 /* Zero it, then set what there is. Nothing is owned. */
@@ -429,11 +438,13 @@ typedef enum { RT_SAMPLER_LIST(RTI_ENUM) RT_SAMPLER_COUNT } rt_sampler_kind;
 #define RT_MAX_SPP (1 << 20)                /* samples a pixel */
 
 /* Zero is the default of every field. */
+RTI_SHARED(
 typedef struct {
     rt_sampler_kind kind;
     uint32_t spp;                           /* samples that there will be; 0 = 1. STRATIFIED alone needs to know */
     uint32_t seed, frame;                   /* each gives new numbers */
 } rt_sampler;
+)
 
 /* Number `sample`, below spp, of a pixel and a dimension. Dimensions are independent of each other, those of one call of rt_sample_2d are
    stratified together. Any pixel, sample, dimension, frame and seed is legal, in any order: nothing is kept. O(1). */
@@ -574,16 +585,22 @@ typedef struct {
 /* A point; no falloff, as in Phong's model. With a size it is the mean over its points as seen from the surface: by solid angle, so that
    nearer and less tilted parts count more, as they do on a real lamp. It is not seen itself: give it a body that glows, smaller than it,
    to see. */
+RTI_SHARED(
 typedef struct {
     rt_vec3 position, color;
+)
 #ifndef RT_NO_SAMPLING
+RTI_SHARED(
     float radius;                           /* of a sphere around position; 0: none */
     rt_vec3 edges[2];                       /* of a rectangle, two sides that meet in a corner, at right angles; position is its middle. It shines
                                                to both sides */
     bool by_area;                           /* choose points evenly on its surface, with weights, not by solid angle: the same light, usually
                                                noisier */
+)
 #endif
+RTI_SHARED(
 } rt_light;
+)
 
 /* Everything a picture needs; nothing is owned. Primitive ids are those of geometry. The outside of a triangle is where its vertices
    run counterclockwise; what transmits should be closed, or is a pane that bends what passes as the face of a block would. */
@@ -788,8 +805,12 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #else
 #define RTI_ROUND(x) ((void)0)              /* fp_contract(off) above */
 #endif
-/* Shared text, see RTI_SHARED, as C has it. */
+
+/* Shared text, see RTI_SHARED, as C has it. Where an accel or a scene has pointers here the device has distances, which RTI_OPEN and
+   RTI_FOLLOW read, so it has its own rti_instance, rt_material, rt_texture and rti_part, and its own rti_family_of, rti_shape_of and
+   rti_part_of. It shades one surface at a time: its RTI_ABREAST is 1. */
 #define RTI_GLOBAL
+#define RTI_FOLLOW(type, from, field) ((from)->field)       /* the type that a thing of a scene refers to, or NULL */
 #define RTI_OPEN(name, parent, accel) const rt_accel *const name = (accel)     /* an instance's accel, by what the instance keeps of it */
 #define RTI_KNOWN_SIDES(p) (RTI_WIDTH == 1 || (p)->uniform)
 #define RTI_STACK RTI_MAX_DEPTH             /* entries */
@@ -797,6 +818,16 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 
 RTI_INLINE float rti_roundf(float x) { RTI_ROUND(x); return x; }
 RTI_INLINE double rti_round(double x) { RTI_ROUND(x); return x; }
+
+/* The same in what is not RTI_TARGET, where it costs nothing unless the program is compiled for a processor with fma: no instruction, but
+   products that pass one by one are not packed into vectors (a fifth of the time of textures). */
+#if (defined(__x86_64__) || defined(__i386__)) && !defined(__FMA__) && !defined(__FMA4__)
+RTI_INLINE float rti_keepf(float x) { return x; }
+RTI_INLINE double rti_keep(double x) { return x; }
+#else
+RTI_INLINE float rti_keepf(float x) { return rti_roundf(x); }
+RTI_INLINE double rti_keep(double x) { return rti_round(x); }
+#endif
 
 #if RTI_X86
 #if defined(__GNUC__) || defined(__clang__)
@@ -903,7 +934,9 @@ RTI_INLINE float rti_float_up(double x)
 }
 RTI_INLINE float rti_float_down(double x) { return -rti_float_up(-x); }
 
+RTI_SHARED(
 RTI_INLINE float rti_maxf(float a, float b) { return a > b ? a : b; }       /* fmaxf is a call */
+)
 
 RTI_INLINE bool rti_coordinate_ok(float x) { return x >= -RT_MAX_COORDINATE && x <= RT_MAX_COORDINATE; }     /* false for NaN */
 
@@ -913,6 +946,147 @@ static int rti_ceil_log2(size_t n)
     while (((size_t)1 << log) < n) log++;
     return log;
 }
+
+#endif
+#if RTI_IN(BASE) && (RTI_INSTANCES || !defined(RT_NO_SHADING))
+/* Sine and cosine of at most RT_MAX_ANGLE radians, within 1e-15: of our own, since those of C libraries differ in their last bits. The angle
+   is brought to [-pi/4, pi/4] by quarters, pi/2 being taken off in two parts of which the first has few enough bits to be exact. */
+RTI_SHARED(
+static void rti_sine_cosine(double angle, double *sine, double *cosine)
+{
+    const double quarters = floor(rti_keep(angle * 0.63661977236758134) + 0.5);
+    const double x = angle - rti_keep(quarters * 1.5707963267341256) - rti_keep(quarters * 6.0771005065061922e-11), y = rti_keep(x * x);
+    const int quarter = (int)quarters & 3;
+    double s = -1.0 / 1307674368000.0, c = -1.0 / 87178291200.0;
+    s = rti_keep(s * y) + 1.0 / 6227020800.0;
+    s = rti_keep(s * y) - 1.0 / 39916800.0;
+    s = rti_keep(s * y) + 1.0 / 362880.0;
+    s = rti_keep(s * y) - 1.0 / 5040.0;
+    s = rti_keep(s * y) + 1.0 / 120.0;
+    s = rti_keep(s * y) - 1.0 / 6.0;
+    s = x + rti_keep(x * rti_keep(s * y));
+    c = rti_keep(c * y) + 1.0 / 479001600.0;
+    c = rti_keep(c * y) - 1.0 / 3628800.0;
+    c = rti_keep(c * y) + 1.0 / 40320.0;
+    c = rti_keep(c * y) - 1.0 / 720.0;
+    c = rti_keep(c * y) + 1.0 / 24.0;
+    c = rti_keep(c * y) - 0.5;
+    c = 1 + rti_keep(c * y);
+    *sine = (quarter & 1 ? c : s) * (1 - (quarter & 2));
+    *cosine = (quarter & 1 ? s : c) * (1 - ((quarter + 1) & 2));
+}
+)
+#endif
+#if RTI_IN(HOST)
+
+#if !defined(RT_NO_SHADING) && RTI_SAMPLING
+/* The same of so much of a full turn, -1/8 to 1, within 2e-7. */
+RTI_SHARED(
+RTI_INLINE void rti_circle(float turn, float *sine, float *cosine)
+{
+    const int quarter = (int)(4 * turn + 0.5f);
+    const float x = rti_keepf((4 * turn - (float)quarter) * 1.57079633f), y = rti_keepf(x * x);
+    float s = 2.75573192e-6f, c = 2.48015873e-5f;
+    s = rti_keepf(s * y) - 1.98412698e-4f;
+    s = rti_keepf(s * y) + 8.33333333e-3f;
+    s = rti_keepf(s * y) - 0.166666667f;
+    s = x + rti_keepf(x * rti_keepf(s * y));
+    c = rti_keepf(c * y) - 1.38888889e-3f;
+    c = rti_keepf(c * y) + 4.16666667e-2f;
+    c = rti_keepf(c * y) - 0.5f;
+    c = 1 + rti_keepf(c * y);
+    *sine = (quarter & 1 ? c : s) * (float)(1 - (quarter & 2));
+    *cosine = (quarter & 1 ? s : c) * (float)(1 - ((quarter + 1) & 2));
+}
+)
+#endif
+
+#ifndef RT_NO_SHADING
+
+/* What else would come from C libraries, for the same reason: in double, so that rounded to float hardly a last bit is wrong. */
+
+RTI_INLINE uint64_t rti_double_bits(double x) { uint64_t bits; memcpy(&bits, &x, sizeof bits); return bits; }
+RTI_INLINE double rti_bits_double(uint64_t bits) { double x; memcpy(&x, &bits, sizeof x); return x; }
+
+/* Within 3e-10 of the value; of less than -700 and more than 700 as of these, which float rounds to 0 and infinity. By the part that powers
+   of 2 leave, within -+ln(2)/2, as a power series. */
+RTI_SHARED(
+static double rti_exp(double x)
+{
+    const double within = x < -700 ? -700 : x > 700 ? 700 : x;
+    const int power = within == within ? (int)(rti_keep(within * 1.4426950408889634) + (within < 0 ? -0.5 : 0.5)) : 0;
+    const double r = within - rti_keep(power * 0.69314718036912382) - rti_keep(power * 1.9082149292705877e-10), y = rti_keep(r * r);
+    double even = 1.0 / 40320, odd = 1.0 / 5040;
+    even = rti_keep(even * y) + 1.0 / 720;
+    odd = rti_keep(odd * y) + 1.0 / 120;
+    even = rti_keep(even * y) + 1.0 / 24;
+    odd = rti_keep(odd * y) + 1.0 / 6;
+    even = rti_keep(even * y) + 0.5;
+    odd = rti_keep(odd * y) + 1;
+    even = rti_keep(even * y) + 1;
+    return (even + rti_keep(odd * r)) * rti_bits_double((uint64_t)(1023 + power) << 52);
+}
+)
+
+/* Within 1e-12, of normal numbers and 0. With x = 2^power m, m within sqrt(2) of 1: the series of artanh((m - 1) / (m + 1)). */
+RTI_SHARED(
+static double rti_log(double x)
+{
+    const uint64_t bits = rti_double_bits(x);
+    const int power = (int)((bits + ((uint64_t)0x95f62 << 32)) >> 52) - 1023;       /* the fractions from sqrt(2) on carry */
+    const double m = rti_bits_double(bits - ((uint64_t)power << 52));
+    const double f = (m - 1) / (m + 1), y = rti_keep(f * f), yy = rti_keep(y * y);
+    double p = 1.0 / 11, q = 1.0 / 13;
+    if (!(x > 0)) return x == 0 ? -(double)RTI_INFINITY : (x - x) / (x - x);
+    if (x - x != 0) return x;
+    p = rti_keep(p * yy) + 1.0 / 7;
+    q = rti_keep(q * yy) + 1.0 / 9;
+    p = rti_keep(p * yy) + 1.0 / 3;
+    q = rti_keep(q * yy) + 1.0 / 5;
+    return rti_keep(power * 0.69314718055994531) + (2 * f + rti_keep(2 * f * rti_keep(rti_keep(p * y) + rti_keep(q * yy))));
+}
+)
+
+RTI_SHARED(
+static float rti_expf(float x) { return (float)rti_exp((double)x); }
+
+static float rti_powf(float x, float y)     /* x is not negative */
+{
+    return y == 0 || x == 1 ? 1 : (float)rti_exp(rti_keep((double)y * rti_log((double)x)));
+}
+)
+#if RTI_SAMPLING
+RTI_SHARED(
+static float rti_logf(float x) { return (float)rti_log((double)x); }
+)
+#endif
+
+/* The angle of (x, y), which are finite, as atan2 has it, within 1e-15: less that of (4, part), one is left whose tangent is at most 1/8, for
+   the series. Without branches, which processors would guess wrong. */
+RTI_SHARED(
+static double rti_arc_tangent_ratio(double y, double x)
+{
+    const double known[5] = { 0, 0.24497866312686414, 0.46364760900080609, 0.64350110879328437, 0.78539816339744828 };
+    const double high = fabs(y), wide = fabs(x), least = high < wide ? high : wide, most = wide < high ? high : wide;
+    const int part = (8 * least > most) + (8 * least > 3 * most) + (8 * least > 5 * most) + (8 * least > 7 * most);
+    const int steep = high > wide, back = copysign(1.0, x) < 0;
+    const double c = 0.25 * part, t = (least - rti_keep(c * most)) / (most + rti_keep(c * least)), z = rti_keep(t * t), zz = rti_keep(z * z);
+    double p = 1.0 / 13, q = 1.0 / 15, angle;
+    p = 1.0 / 9 + rti_keep(p * zz);
+    q = 1.0 / 11 + rti_keep(q * zz);
+    p = 1.0 / 5 + rti_keep(p * zz);
+    q = 1.0 / 7 + rti_keep(q * zz);
+    p = rti_keep(p * zz) - rti_keep(z * (1.0 / 3 + rti_keep(q * zz)));
+    angle = most > 0 ? known[part] + (t + rti_keep(t * p)) : 0;
+    return copysign((steep ? 1 : 2 * back) * 1.5707963267948966 + (1 - 2 * (steep ^ back)) * angle, y);
+}
+)
+
+RTI_SHARED(
+static float rti_atan2f(float y, float x) { return (float)rti_arc_tangent_ratio((double)y, (double)x); }
+)
+
+#endif
 
 /* ---- >>layout ------------------------------------------------------------------------------------------------------- */
 
@@ -1113,6 +1287,7 @@ RTI_INLINE bool rti_fetch_triangle(const rt_geometry *geo, size_t prim, float v[
 #if RTI_IN(HOST) && RTI_INSTANCES
 
 /* 3x4 inverse in double, rounded once. Products of two floats are exact in double, so only the others need RTI_ROUND. */
+RTI_SHARED(
 static bool rti_invert(const float m[12], float inverse[12])
 {
     double c[9], inv[9], det;
@@ -1135,8 +1310,10 @@ static bool rti_invert(const float m[12], float inverse[12])
         if (!(fabsf(inverse[i]) <= FLT_MAX)) return false;     /* det 0 makes inf or NaN */
     return true;
 }
+)
 
 /* Largest row sum of |3x3|: how much the transform can stretch the largest coordinate. */
+RTI_SHARED(
 static double rti_stretch(const float m[12])
 {
     double most = 0;
@@ -1147,37 +1324,10 @@ static double rti_stretch(const float m[12])
     }
     return most;
 }
+)
 
 #endif
 #if RTI_IN(BASE) && RTI_INSTANCES
-/* Sine and cosine of at most RT_MAX_ANGLE radians, within 1e-15: of our own, since those of C libraries differ in their last bits. The angle
-   is brought to [-pi/4, pi/4] by quarters, pi/2 being taken off in two parts of which the first has few enough bits to be exact. */
-RTI_SHARED(
-RTI_NOINLINE void rti_sine_cosine(double angle, double *sine, double *cosine)
-{
-    const double quarters = floor(rti_round(angle * 0.63661977236758134) + 0.5);
-    const double x = angle - rti_round(quarters * 1.5707963267341256) - rti_round(quarters * 6.0771005065061922e-11), y = rti_round(x * x);
-    const int quarter = (int)quarters & 3;
-    double s = -1.0 / 1307674368000.0, c = -1.0 / 87178291200.0;
-    s = rti_round(s * y) + 1.0 / 6227020800.0;
-    s = rti_round(s * y) - 1.0 / 39916800.0;
-    s = rti_round(s * y) + 1.0 / 362880.0;
-    s = rti_round(s * y) - 1.0 / 5040.0;
-    s = rti_round(s * y) + 1.0 / 120.0;
-    s = rti_round(s * y) - 1.0 / 6.0;
-    s = x + rti_round(x * rti_round(s * y));
-    c = rti_round(c * y) + 1.0 / 479001600.0;
-    c = rti_round(c * y) - 1.0 / 3628800.0;
-    c = rti_round(c * y) + 1.0 / 40320.0;
-    c = rti_round(c * y) - 1.0 / 720.0;
-    c = rti_round(c * y) + 1.0 / 24.0;
-    c = rti_round(c * y) - 0.5;
-    c = 1 + rti_round(c * y);
-    *sine = quarter == 0 ? s : quarter == 1 ? c : quarter == 2 ? -s : -c;
-    *cosine = quarter == 0 ? c : quarter == 1 ? -s : quarter == 2 ? -c : s;
-}
-)
-
 /* The rotation of a motion at a time, row by row (Rodrigues). Every product is rounded by itself: the same bits from every compiler. */
 RTI_SHARED(
 RTI_NOINLINE void rti_turn(const rt_motion *motion, double time, double r[9])
@@ -4036,60 +4186,105 @@ RT_API void rt_get_info(const rt_accel *accel, rt_info *info)
 }
 
 #if RTI_INSTANCES
-/* The number of the instance of accel that the path inst (< paths) goes through: the last whose base is not above it. */
-static size_t rti_find_instance(const rt_accel *accel, uint32_t inst)
+/* The instances of an accel: what it takes to follow a path through them. */
+RTI_SHARED(
+typedef struct {
+    const RTI_GLOBAL uint32_t *bases, *slots;
+    const RTI_GLOBAL rti_instance *instances;
+    uint32_t count, paths;
+} rti_family;
+)
+
+static rti_family rti_family_of(const rt_accel *accel)
 {
-    size_t lo = 0, hi = accel->geo.instance_count;
+    rti_family family;
+    family.bases = accel->instance_bases;
+    family.slots = accel->instance_slots;
+    family.instances = accel->instances;
+    family.count = (uint32_t)accel->geo.instance_count;
+    family.paths = accel->paths;
+    return family;
+}
+
+/* The number of the instance that the path inst (< paths) goes through: the last whose base is not above it. */
+RTI_SHARED(
+static uint32_t rti_find_instance(const rti_family *family, uint32_t inst)
+{
+    uint32_t lo = 0, hi = family->count;
     while (hi - lo > 1) {
-        size_t mid = lo + (hi - lo) / 2;
-        if (accel->instance_bases[mid] <= inst) lo = mid;
+        const uint32_t mid = lo + (hi - lo) / 2;
+        if (family->bases[mid] <= inst) lo = mid;
         else hi = mid;
     }
     return lo;
 }
+)
+
+/* Moves what a transform places to where it is at a time. */
+RTI_SHARED(
+static void rti_move(const rt_motion *motion, double time, double m[12])
+{
+    const double move[3] = { (double)motion->move.x, (double)motion->move.y, (double)motion->move.z };
+    const double pivot[3] = { (double)motion->pivot.x, (double)motion->pivot.y, (double)motion->pivot.z };
+    double r[9], column[3];
+    int i, j;
+    rti_turn(motion, time, r);
+    for (i = 0; i < 3; i++) m[4 * i + 3] -= pivot[i];
+    for (j = 0; j < 4; j++) {
+        for (i = 0; i < 3; i++) column[i] = m[4 * i + j];
+        for (i = 0; i < 3; i++) {
+            m[4 * i + j] = rti_round(r[3 * i] * column[0]) + rti_round(r[3 * i + 1] * column[1]) + rti_round(r[3 * i + 2] * column[2]);
+            if (j == 3) m[4 * i + j] += pivot[i] + rti_round(move[i] * time);
+        }
+    }
+}
+)
+
+/* One level down a path, on which RT_NONE is the end: multiplies m by the transform of that instance, whose number is answered, at a time.
+   RT_NONE: no such instance. */
+RTI_SHARED(
+static uint32_t rti_descend(const rt_accel *root, rti_family *family, uint32_t *inst, float time, double m[12])
+{
+    uint32_t number, slot;
+    (void)root;
+    if (*inst >= family->paths) return RT_NONE;
+    number = rti_find_instance(family, *inst);
+    slot = family->slots[number];
+    if (slot == RT_NONE) return RT_NONE;
+    {
+        const rti_instance in = family->instances[slot];
+        double n[12], row[3];
+        int i, j;
+        RTI_OPEN(child, root, in.accel);
+        for (i = 0; i < 12; i++) n[i] = (double)in.transform[i];
+        if (in.moves) rti_move(&in.motion, (double)rti_clamp_time(time), n);
+        for (i = 0; i < 3; i++) {
+            for (j = 0; j < 3; j++) row[j] = m[4 * i + j];
+            for (j = 0; j < 4; j++) {
+                const double sum = rti_round(row[0] * n[j]) + rti_round(row[1] * n[4 + j]) + rti_round(row[2] * n[8 + j]);
+                m[4 * i + j] = j == 3 ? sum + m[4 * i + 3] : sum;
+            }
+        }
+        *inst = *inst - in.base - 1;
+        *family = rti_family_of(child);
+    }
+    return number;
+}
+)
 
 RT_API bool rt_instance_transform(const rt_accel *accel, uint32_t inst, float transform[12], float normal[9])
 {
     return rt_instance_transform_at(accel, inst, 0, transform, normal);
 }
 
-/* Moves what a transform places to where it is at a time. */
-static void rti_move(const rt_motion *motion, double time, double m[12])
-{
-    const double move[3] = { (double)motion->move.x, (double)motion->move.y, (double)motion->move.z };
-    const double pivot[3] = { (double)motion->pivot.x, (double)motion->pivot.y, (double)motion->pivot.z };
-    double r[9], turned[12];
-    int i, j;
-    rti_turn(motion, time, r);
-    for (i = 0; i < 3; i++) m[4 * i + 3] -= pivot[i];
-    for (i = 0; i < 3; i++)
-        for (j = 0; j < 4; j++)
-            turned[4 * i + j] = r[3 * i] * m[j] + r[3 * i + 1] * m[4 + j] + r[3 * i + 2] * m[8 + j] + (j == 3 ? pivot[i] + move[i] * time : 0);
-    memcpy(m, turned, sizeof turned);
-}
-
 RT_API bool rt_instance_transform_at(const rt_accel *accel, uint32_t inst, float time, float transform[12], float normal[9])
 {
     double m[12] = { 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0 };
+    rti_family family = rti_family_of(accel);
     float f[12], inverse[12];
     int i, j;
-    while (inst != RT_NONE) {               /* one level of the path a turn; outer * inner */
-        const rti_instance *in;
-        double c[12], n[12];
-        uint32_t slot;
-        if (inst >= accel->paths) return false;
-        slot = accel->instance_slots[rti_find_instance(accel, inst)];
-        if (slot == RT_NONE) return false;
-        in = &accel->instances[slot];
-        for (i = 0; i < 12; i++) n[i] = (double)in->transform[i];
-        if (in->moves) rti_move(&in->motion, (double)rti_clamp_time(time), n);
-        for (i = 0; i < 3; i++)
-            for (j = 0; j < 4; j++)
-                c[4 * i + j] = m[4 * i] * n[j] + m[4 * i + 1] * n[4 + j] + m[4 * i + 2] * n[8 + j] + (j == 3 ? m[4 * i + 3] : 0);
-        memcpy(m, c, sizeof m);
-        inst = inst - in->base - 1;         /* RT_NONE where the path ends here */
-        accel = in->accel;
-    }
+    while (inst != RT_NONE)
+        if (rti_descend(accel, &family, &inst, time, m) == RT_NONE) return false;
     for (i = 0; i < 12; i++) f[i] = (float)m[i];
     if (transform) memcpy(transform, f, sizeof f);
     if (normal) {
@@ -4248,7 +4443,9 @@ RTI_INLINE int rti_lowest_bit(unsigned bits)
 #ifndef RT_NO_SHADING
 
 /* right and down are a pixel's steps, corner the direction of the picture's top left corner, at depth 1. */
+RTI_SHARED(
 typedef struct { rt_vec3 eye, corner, right, down; } rti_view;
+)
 
 /* The way back: for a point p, rows * (p - eye) = depth * (x, y, 1), where the ray through (x, y) meets it at t = depth. Homogeneous: what
    is linear in p - eye is so before the division, for points behind the eye too. See rti_make_lens for what is known of the errors. */
@@ -4326,6 +4523,7 @@ RTI_INLINE double rti_drift(const rti_lens *lens, double reach) { return (reach 
 #ifndef RT_NO_SHADING
 
 /* What >>shading gathers from the hits of a batch and the kernels of >>shade work on: numbers of 8 surfaces side by side. */
+RTI_SHARED(
 typedef enum {
     RTI_POINT     = 0,                      /* x, y, z: where the ray ends; then where secondary rays start, in front of the surface */
     RTI_VIEW      = 3,                      /* the ray's dir; then of unit length, towards where it came from */
@@ -4338,6 +4536,7 @@ typedef enum {
     RTI_HIGHLIGHT = 17,                     /* of the mirrored light and the viewer */
     RTI_LANE_COUNT = 18
 } rti_lane;
+)
 
 #define RTI_ABREAST 8
 
@@ -4658,22 +4857,26 @@ RT_API rt_status rt_trace_arrays(const rt_accel *accel, const rt_trace_options *
 
 #if RTI_SAMPLING || !defined(RT_NO_SHADING)
 /* The finaliser of MurmurHash3: a permutation in which every bit depends on every other. */
+RTI_SHARED(
 static uint32_t rti_hash(uint32_t x)
 {
     x = (x ^ x >> 16) * 0x85ebca6bu;
     x = (x ^ x >> 13) * 0xc2b2ae35u;
     return x ^ x >> 16;
 }
-
+)
 #endif
 
 #if RTI_SAMPLING
 
+RTI_SHARED(
 static uint32_t rti_hash_next(uint32_t hash, uint32_t x) { return rti_hash(hash + x * 0x9e3779b9u + 0x7f4a7c15u); }
 
 static float rti_unit_float(uint32_t x) { return (float)(x >> 8) * (1.0f / 16777216); }
+)
 
 /* All that tells one set of samples from another. */
+RTI_SHARED(
 static uint32_t rti_sample_key(const rt_sampler *sampler, uint32_t x, uint32_t y, uint32_t dimension)
 {
     uint32_t hash = rti_hash_next(rti_hash(sampler->seed), sampler->frame);
@@ -4681,8 +4884,10 @@ static uint32_t rti_sample_key(const rt_sampler *sampler, uint32_t x, uint32_t y
     hash = rti_hash_next(hash, y);
     return rti_hash_next(hash, dimension);
 }
+)
 
 /* Where i of n goes in a shuffled order: a permutation of the next power of 2, again until it lands below n (Kensler 2013). */
+RTI_SHARED(
 static uint32_t rti_shuffle(uint32_t i, uint32_t n, uint32_t key)
 {
     uint32_t mask = n - 1, bits = 0, a, b, c, d;
@@ -4710,8 +4915,10 @@ static uint32_t rti_shuffle(uint32_t i, uint32_t n, uint32_t key)
     } while (i >= n);
     return i;
 }
+)
 
-static uint32_t rti_reverse(uint32_t x)
+RTI_SHARED(
+RTI_INLINE uint32_t rti_reverse(uint32_t x)
 {
     x = x << 16 | x >> 16;
     x = (x & 0x00ff00ffu) << 8 | (x & 0xff00ff00u) >> 8;
@@ -4719,10 +4926,12 @@ static uint32_t rti_reverse(uint32_t x)
     x = (x & 0x33333333u) << 2 | (x & 0xccccccccu) >> 2;
     return (x & 0x55555555u) << 1 | (x & 0xaaaaaaaau) >> 1;
 }
+)
 
 /* Owen's scrambling: whether a bit is flipped depends on all that are above it. On reversed bits a product, and a sum, carry upwards only;
    so does what is xored with an even product (Laine and Karras 2011). */
-static uint32_t rti_owen(uint32_t x, uint32_t key)
+RTI_SHARED(
+RTI_INLINE uint32_t rti_owen(uint32_t x, uint32_t key)
 {
     x = rti_reverse(x);
     x ^= x * 0x3c6ef372u;
@@ -4734,8 +4943,10 @@ static uint32_t rti_owen(uint32_t x, uint32_t key)
     x ^= x * 0x510e527eu;
     return rti_reverse(x);
 }
+)
 
 /* Point i of the first two dimensions of Sobol''s sequence, of which the first is van der Corput's. */
+RTI_SHARED(
 static uint32_t rti_sobol_second(uint32_t i)
 {
     uint32_t x = 0, direction = 0x80000000u;
@@ -4743,8 +4954,10 @@ static uint32_t rti_sobol_second(uint32_t i)
         if (i & 1) x ^= direction;
     return x;
 }
+)
 
-RT_API float rt_sample_1d(const rt_sampler *sampler, uint32_t x, uint32_t y, uint32_t sample, uint32_t dimension)
+RTI_SHARED(
+static float rti_sample_1d(const rt_sampler *sampler, uint32_t x, uint32_t y, uint32_t sample, uint32_t dimension)
 {
     const uint32_t key = rti_sample_key(sampler, x, y, dimension), n = sampler->spp ? sampler->spp : 1;
     if (sampler->kind == RT_SAMPLER_INDEPENDENT) return rti_unit_float(rti_hash_next(key, sample));
@@ -4754,8 +4967,9 @@ RT_API float rt_sample_1d(const rt_sampler *sampler, uint32_t x, uint32_t y, uin
     }
     return rti_unit_float(rti_owen(rti_reverse(rti_owen(sample, key)), rti_hash_next(key, 0)));
 }
-
-RT_API void rt_sample_2d(const rt_sampler *sampler, uint32_t x, uint32_t y, uint32_t sample, uint32_t dimension, float point[2])
+)
+RTI_SHARED(
+static void rti_sample_2d(const rt_sampler *sampler, uint32_t x, uint32_t y, uint32_t sample, uint32_t dimension, float point[2])
 {
     const uint32_t key = rti_sample_key(sampler, x, y, dimension), n = sampler->spp ? sampler->spp : 1;
     int k;
@@ -4784,6 +4998,17 @@ RT_API void rt_sample_2d(const rt_sampler *sampler, uint32_t x, uint32_t y, uint
     for (k = 0; k < 2; k++)                 /* what rounding has made 1 */
         if (!(point[k] < 1)) point[k] = 0.99999994f;
 }
+)
+
+RT_API float rt_sample_1d(const rt_sampler *sampler, uint32_t x, uint32_t y, uint32_t sample, uint32_t dimension)
+{
+    return rti_sample_1d(sampler, x, y, sample, dimension);
+}
+
+RT_API void rt_sample_2d(const rt_sampler *sampler, uint32_t x, uint32_t y, uint32_t sample, uint32_t dimension, float point[2])
+{
+    rti_sample_2d(sampler, x, y, sample, dimension, point);
+}
 
 #endif
 
@@ -4791,6 +5016,8 @@ RT_API void rt_sample_2d(const rt_sampler *sampler, uint32_t x, uint32_t y, uint
 
 #ifndef RT_NO_SHADING
 
+/* Products are rounded before they are summed: every compiler, whatever its flags, and every device draw the same picture. */
+RTI_SHARED(
 static rt_vec3 rti_vec3(float x, float y, float z)
 {
     rt_vec3 v;
@@ -4801,17 +5028,23 @@ static rt_vec3 rti_vec3(float x, float y, float z)
 }
 static rt_vec3 rti_add(rt_vec3 a, rt_vec3 b) { return rti_vec3(a.x + b.x, a.y + b.y, a.z + b.z); }
 static rt_vec3 rti_sub(rt_vec3 a, rt_vec3 b) { return rti_vec3(a.x - b.x, a.y - b.y, a.z - b.z); }
-static rt_vec3 rti_mul(rt_vec3 a, rt_vec3 b) { return rti_vec3(a.x * b.x, a.y * b.y, a.z * b.z); }
-static rt_vec3 rti_scale(rt_vec3 a, float s) { return rti_vec3(a.x * s, a.y * s, a.z * s); }
-static float rti_dot(rt_vec3 a, rt_vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-static rt_vec3 rti_cross(rt_vec3 a, rt_vec3 b) { return rti_vec3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x); }
+static rt_vec3 rti_mul(rt_vec3 a, rt_vec3 b) { return rti_vec3(rti_keepf(a.x * b.x), rti_keepf(a.y * b.y), rti_keepf(a.z * b.z)); }
+static rt_vec3 rti_scale(rt_vec3 a, float s) { return rti_vec3(rti_keepf(a.x * s), rti_keepf(a.y * s), rti_keepf(a.z * s)); }
+static float rti_dot(rt_vec3 a, rt_vec3 b) { return rti_keepf(a.x * b.x) + rti_keepf(a.y * b.y) + rti_keepf(a.z * b.z); }
+static float rti_minor(float a, float b, float c, float d) { return rti_keepf(a * b) - rti_keepf(c * d); }
+static rt_vec3 rti_cross(rt_vec3 a, rt_vec3 b)
+{
+    return rti_vec3(rti_minor(a.y, b.z, a.z, b.y), rti_minor(a.z, b.x, a.x, b.z), rti_minor(a.x, b.y, a.y, b.x));
+}
 static float rti_largest(rt_vec3 a)
 {
     float x = fabsf(a.x), y = fabsf(a.y), z = fabsf(a.z);
     return x > y ? (x > z ? x : z) : (y > z ? y : z);
 }
+)
 
 /* Scaled first, so that neither 1e18 nor 1e-30 leaves the range when squared. The zero vector stays. */
+RTI_SHARED(
 static rt_vec3 rti_normalize(rt_vec3 a)
 {
     float m = rti_largest(a);
@@ -4819,21 +5052,26 @@ static rt_vec3 rti_normalize(rt_vec3 a)
     a = rti_vec3(a.x / m, a.y / m, a.z / m);
     return rti_scale(a, 1 / sqrtf(rti_dot(a, a)));
 }
+)
 
 /* Two unit vectors across n, which is one (Duff et al. 2017). */
-static void rti_frame(rt_vec3 n, rt_vec3 *x, rt_vec3 *y)
+RTI_SHARED(
+RTI_INLINE void rti_frame(rt_vec3 n, rt_vec3 *x, rt_vec3 *y)
 {
-    const float sign = copysignf(1, n.z), a = -1 / (sign + n.z), b = n.x * n.y * a;
-    *x = rti_vec3(1 + sign * n.x * n.x * a, sign * b, -sign * n.x);
-    *y = rti_vec3(b, sign + n.y * n.y * a, -n.y);
+    const float sign = copysignf(1, n.z), a = -1 / (sign + n.z), b = rti_keepf(n.x * n.y * a);
+    *x = rti_vec3(1 + rti_keepf(sign * n.x * n.x * a), sign * b, -sign * n.x);
+    *y = rti_vec3(b, sign + rti_keepf(n.y * n.y * a), -n.y);
 }
+)
 
-/* Not inlined: contracted in one way only, so that all views of a camera are equal. */
-RTI_NOINLINE rti_view rti_make_view(const rt_camera *camera, int width, int height)
+static rti_view rti_make_view(const rt_camera *camera, int width, int height)
 {
     rti_view view;
     rt_vec3 forward = rti_normalize(rti_sub(camera->look, camera->eye)), right, down;
-    float half = tanf(camera->fov * 0.00872664626f), pixel = 2 * half / (float)height;      /* degrees to half radians */
+    double sine, cosine;
+    float pixel;
+    rti_sine_cosine(rti_keep((double)camera->fov * 0.00872664625997164788), &sine, &cosine);      /* degrees to half radians */
+    pixel = (float)(2 * sine / cosine / height);
     right = rti_cross(forward, rti_normalize(camera->up));
     if (!(rti_dot(right, right) > 0))       /* up along the view axis, or zero: any level right will do */
         right = rti_cross(forward, fabsf(forward.y) < 0.9f ? rti_vec3(0, 1, 0) : rti_vec3(1, 0, 0));
@@ -4846,26 +5084,31 @@ RTI_NOINLINE rti_view rti_make_view(const rt_camera *camera, int width, int heig
     return view;
 }
 
-/* The steps to a column or a row of the picture, rounded: never contracted with the sums that follow. */
-static rt_vec3 rti_steps(rt_vec3 step, float n) { return rti_vec3(rti_roundf(step.x * n), rti_roundf(step.y * n), rti_roundf(step.z * n)); }
-
+RTI_SHARED(
+RTI_INLINE void rti_set_ray(rt_ray *ray, rt_vec3 org, rt_vec3 dir, float tmax)
+{
+    ray->org = org;
+    ray->tmin = 0;
+    ray->dir = dir;
+    ray->tmax = tmax;
+}
 static rt_ray rti_view_ray(const rti_view *view, float x, float y)
 {
     rt_ray ray;
-    ray.org = view->eye;
-    ray.tmin = 0;
-    ray.dir = rti_add(view->corner, rti_add(rti_steps(view->right, x), rti_steps(view->down, y)));
-    ray.tmax = RTI_INFINITY;
+    rti_set_ray(&ray, view->eye, rti_add(view->corner, rti_add(rti_scale(view->right, x), rti_scale(view->down, y))), RTI_INFINITY);
     return ray;
 }
+)
 
 #if RTI_SAMPLING
 /* What a lens adds to a view. */
+RTI_SHARED(
 typedef struct {
     rt_vec3 right, down;                    /* its radius along both */
     float rfocus;                           /* 1 / depth of focus */
     bool open;                              /* false: a pinhole */
 } rti_aperture;
+)
 
 static rti_aperture rti_make_aperture(const rt_camera *camera, const rti_view *view, const rt_lens *lens)
 {
@@ -4879,16 +5122,21 @@ static rti_aperture rti_make_aperture(const rt_camera *camera, const rti_view *v
 }
 
 /* The square onto the disc, rings onto rings (Shirley and Chiu 1997). */
+RTI_SHARED(
 static void rti_disc(const float u[2], float out[2])
 {
     const float x = 2 * u[0] - 1, y = 2 * u[1] - 1;
     const bool wide = fabsf(x) > fabsf(y);
-    const float r = wide ? x : y, angle = r != 0 ? 0.785398163f * (wide ? y / x : 2 - x / y) : 0;
-    out[0] = r * cosf(angle);
-    out[1] = r * sinf(angle);
+    const float r = wide ? x : y;
+    float sine, cosine;
+    rti_circle(r != 0 ? 0.125f * (wide ? y / x : 2 - x / y) : 0, &sine, &cosine);
+    out[0] = r * cosine;
+    out[1] = r * sine;
 }
+)
 
 /* Moves a ray of the view to a point of the lens: where it is in focus, at depth 1 / rfocus, it stays. */
+RTI_SHARED(
 static void rti_through_lens(const rti_aperture *lens, const float u[2], rt_ray *ray)
 {
     float at[2];
@@ -4898,6 +5146,7 @@ static void rti_through_lens(const rti_aperture *lens, const float u[2], rt_ray 
     ray->org = rti_add(ray->org, off);
     ray->dir = rti_sub(ray->dir, rti_scale(off, lens->rfocus));
 }
+)
 
 RT_API rt_ray rt_lens_ray(const rt_camera *camera, const rt_lens *lens, float x, float y, int width, int height, const float on_lens[2])
 {
@@ -5405,8 +5654,8 @@ static void rti_raster_rectangle(const rt_raster *r, const int box[4], float dx,
             for (i = 0; i < side; i++) {    /* what leaves the box repeats its last pixels: such rays are legal where those are */
                 x = b.box[0] + i < b.box[2] ? b.box[0] + i : b.box[2] - 1;
                 y = b.box[1] + i < b.box[3] ? b.box[1] + i : b.box[3] - 1;
-                right[i] = rti_steps(r->view.right, (float)x + dx);
-                down[i] = rti_steps(r->view.down, (float)y + dy);
+                right[i] = rti_scale(r->view.right, (float)x + dx);
+                down[i] = rti_scale(r->view.down, (float)y + dy);
             }
             for (i = y = 0; y < side; y += rows)
                 for (x = 0; x < side; x += columns)
@@ -5478,7 +5727,9 @@ static bool rti_raster_fits(const rt_raster *r, const rt_geometry *geo, const rt
 
 /* What a pixel sees of a surface is about an ellipse; a texture's mean over it is what is asked for. It comes in texture coordinates, or,
    of solid textures, in space: its middle, and its axes, from edge to edge. */
+RTI_SHARED(
 typedef struct { float at[3], axes[2][3]; } rti_spot;       /* axes at right angles, the first the long one; of an image in texels, at in 1 */
+)
 
 RT_API size_t rt_count_texture_levels(int width, int height)
 {
@@ -5504,8 +5755,9 @@ static rt_vec3 rti_shrink(const rt_vec3 *from, int width, int height, int x, int
         for (i = (int)left; i < width && (float)i < right; i++) {
             const float across = ((float)(i + 1) < right ? (float)(i + 1) : right) - ((float)i > left ? (float)i : left);
             const float down = ((float)(j + 1) < bottom ? (float)(j + 1) : bottom) - ((float)j > top ? (float)j : top);
-            sum = rti_add(sum, rti_scale(from[(size_t)j * (size_t)width + (size_t)i], across * down));
-            weights += across * down;
+            const float weight = rti_keepf(across * down);
+            sum = rti_add(sum, rti_scale(from[(size_t)j * (size_t)width + (size_t)i], weight));
+            weights += weight;
         }
     return rti_scale(sum, 1 / weights);
 }
@@ -5526,29 +5778,36 @@ RT_API void rt_make_texture_levels(const rt_vec3 *pixels, int width, int height,
 }
 
 /* x modulo 1, below it also for negative and huge x. */
+RTI_SHARED(
 static float rti_wrap(float x)
 {
     const float part = x - floorf(x);
     return part >= 0 && part < 1 ? part : 0;
 }
+)
 
+RTI_SHARED(
 static rt_vec3 rti_mix(rt_vec3 a, rt_vec3 b, float part) { return rti_add(rti_scale(a, 1 - part), rti_scale(b, part)); }
+)
 
 /* Between the four nearest texels of a level, which repeats. */
-static rt_vec3 rti_texel(const rt_vec3 *level, int width, int height, float u, float v)
+RTI_SHARED(
+static rt_vec3 rti_texel(const RTI_GLOBAL rt_vec3 *level, int width, int height, float u, float v)
 {
-    const float x = rti_wrap(u) * (float)width - 0.5f, y = rti_wrap(-v) * (float)height - 0.5f;
+    const float x = rti_keepf(rti_wrap(u) * (float)width) - 0.5f, y = rti_keepf(rti_wrap(-v) * (float)height) - 0.5f;
     const int left = (int)floorf(x), top = (int)floorf(y);
     const size_t x0 = (size_t)((left + width) % width), x1 = (size_t)((left + 1 + width) % width);
     const size_t y0 = (size_t)((top + height) % height) * (size_t)width, y1 = (size_t)((top + 1 + height) % height) * (size_t)width;
     return rti_mix(rti_mix(level[y0 + x0], level[y0 + x1], x - (float)left), rti_mix(level[y1 + x0], level[y1 + x1], x - (float)left),
                    y - (float)top);
 }
+)
 
 /* From the two levels whose texels are nearest to a width, which is in those of the first. */
-static rt_vec3 rti_image(const rt_texture *texture, const float at[2], float texels)
+RTI_SHARED(
+static rt_vec3 rti_image(const RTI_GLOBAL rt_texture *texture, const float at[2], float texels)
 {
-    const rt_vec3 *level = texture->levels;
+    const RTI_GLOBAL rt_vec3 *level = RTI_FOLLOW(rt_vec3, texture, levels);
     int width = texture->width, height = texture->height;
     float part;
     while (texels > 2 && (width > 1 || height > 1)) {
@@ -5563,11 +5822,15 @@ static rt_vec3 rti_image(const rt_texture *texture, const float at[2], float tex
                    rti_texel(level + (size_t)width * (size_t)height, width > 1 ? width / 2 : 1, height > 1 ? height / 2 : 1, at[0], at[1]),
                    part < 1 ? part : 1);
 }
+)
 
 /* The integral from 0 of what is 1 in even fields and -1 in odd ones. */
+RTI_SHARED(
 static float rti_fields(float x) { return 1 - fabsf(2 * rti_wrap(0.5f * x) - 1); }
+)
 
 /* The mean of that over a box around at. */
+RTI_SHARED(
 static float rti_field_mean(float at, float width)
 {
     if (!(width > 1e-3f)) return rti_wrap(0.5f * at) < 0.5f ? 1.0f : -1.0f;
@@ -5575,8 +5838,10 @@ static float rti_field_mean(float at, float width)
     at = 2 * rti_wrap(0.5f * at);           /* first: the difference of two large numbers would be noise */
     return (rti_fields(at + 0.5f * width) - rti_fields(at - 0.5f * width)) / width;
 }
+)
 
 /* The gradient at a lattice point, one of 12 (Perlin 2002), times the way from it. */
+RTI_SHARED(
 RTI_INLINE float rti_lattice(const int cell[3], int corner, const float off[3])
 {
     const uint32_t x_hash = (uint32_t)(cell[0] + (corner & 1)) * 0x8da6b343u, y_hash = (uint32_t)(cell[1] + (corner >> 1 & 1)) * 0xd8163841u;
@@ -5586,7 +5851,9 @@ RTI_INLINE float rti_lattice(const int cell[3], int corner, const float off[3])
     const float a = pair == 0 ? x : y, b = pair == 2 ? x : z;       /* xz, yz, yx */
     return (hash & 1 ? a : -a) + (hash & 2 ? b : -b);
 }
+)
 
+RTI_SHARED(
 static float rti_gradient_noise(const float at[3])
 {
     float off[3], fade[3], sum[4];
@@ -5596,18 +5863,20 @@ static float rti_gradient_noise(const float at[3])
         off[k] = at[k] - low;
         if (!(fabsf(low) < 1e9f)) return 0;         /* no lattice that far out */
         cell[k] = (int)low;
-        fade[k] = off[k] * off[k] * off[k] * (off[k] * (off[k] * 6 - 15) + 10);
+        fade[k] = off[k] * off[k] * off[k] * (rti_keepf(off[k] * (rti_keepf(off[k] * 6) - 15)) + 10);
     }
     for (i = 0; i < 4; i++) {
         const float a = rti_lattice(cell, 2 * i, off), b = rti_lattice(cell, 2 * i + 1, off);
-        sum[i] = a + (b - a) * fade[0];
+        sum[i] = a + rti_keepf((b - a) * fade[0]);
     }
-    sum[0] += (sum[1] - sum[0]) * fade[1];
-    sum[2] += (sum[3] - sum[2]) * fade[1];
-    return sum[0] + (sum[2] - sum[0]) * fade[2];
+    sum[0] += rti_keepf((sum[1] - sum[0]) * fade[1]);
+    sum[2] += rti_keepf((sum[3] - sum[2]) * fade[1]);
+    return sum[0] + rti_keepf((sum[2] - sum[0]) * fade[2]);
 }
+)
 
 /* Waves, each half as long and high as the last: 0 to 1, 0.5 on average. Those shorter than two widths fade out. */
+RTI_SHARED(
 static float rti_noise(const float at[3], float width)
 {
     float x[3] = { at[0], at[1], at[2] }, sum = 0, height = 0.55f;
@@ -5615,7 +5884,7 @@ static float rti_noise(const float at[3], float width)
     for (octave = 0; octave < 7; octave++) {
         const float show = 2 - 2 * width;
         if (!(show > 0)) break;
-        sum += height * (show < 1 ? show : 1) * rti_gradient_noise(x);
+        sum += rti_keepf(height * (show < 1 ? show : 1) * rti_gradient_noise(x));
         for (k = 0; k < 3; k++) x[k] = 2 * x[k] + 7.3f;     /* so that the lattices do not share their zeros */
         width *= 2;
         height *= 0.5f;
@@ -5623,13 +5892,19 @@ static float rti_noise(const float at[3], float width)
     sum = 0.5f + 0.5f * sum;
     return sum < 0 ? 0 : sum > 1 ? 1 : sum;
 }
+)
 
-static float rti_length3(const float a[3]) { return sqrtf(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]); }
+RTI_SHARED(
+static float rti_length3(const float a[3]) { return sqrtf(rti_keepf(a[0] * a[0]) + rti_keepf(a[1] * a[1]) + rti_keepf(a[2] * a[2])); }
+)
 
-#define RTI_TAPS 12                         /* along the long axis: further apart than the short one is wide, they blur */
+RTI_SHARED(
+enum { RTI_TAPS = 12 };                     /* along the long axis: further apart than the short one is wide, they blur */
+)
 
 /* The texture's mean over a spot. */
-static rt_vec3 rti_look_at_texture(const rt_texture *texture, const rti_spot *spot)
+RTI_SHARED(
+static rt_vec3 rti_look_at_texture(const RTI_GLOBAL rt_texture *texture, const rti_spot *spot)
 {
     const float size = texture->size > 0 ? texture->size : 1;
     const bool plain = texture->colors[0].x == 0 && texture->colors[0].y == 0 && texture->colors[0].z == 0 && texture->colors[1].x == 0 &&
@@ -5645,7 +5920,7 @@ static rt_vec3 rti_look_at_texture(const rt_texture *texture, const rti_spot *sp
     width = rti_maxf(narrow, wide / (float)taps);
     for (i = 0; i < taps; i++) {
         const float along = ((float)i + 0.5f) / (float)taps - 0.5f;
-        for (k = 0; k < 3; k++) at[k] = spot->at[k] + along * spot->axes[0][k] / scale[k];
+        for (k = 0; k < 3; k++) at[k] = spot->at[k] + rti_keepf(along * spot->axes[0][k]) / scale[k];
         if (image) sum = rti_add(sum, rti_image(texture, at, width));
         else if (texture->kind == RT_TEXTURE_CHECKER) {     /* exactly, of a box around a piece of the long axis */
             float mean = 1;
@@ -5659,49 +5934,94 @@ static rt_vec3 rti_look_at_texture(const rt_texture *texture, const rti_spot *sp
     }
     return rti_scale(sum, 1 / (float)taps);
 }
+)
 
 /* How steps on a surface are steps of its texture coordinates: du = step . across[0], dv = step . across[1]; where it is at now. */
+RTI_SHARED(
 typedef struct { float u, v; rt_vec3 across[2]; } rti_mapping;
+)
+
+/* A scene, as what an instance shows is shaded. */
+typedef rt_scene rti_part;
+
+/* What shades the primitives of a geometry: as rt_scene and rt_geometry say, but for the strides, which count floats. */
+RTI_SHARED(
+typedef struct {
+    const RTI_GLOBAL float *vertices;
+    size_t stride;
+    const RTI_GLOBAL uint32_t *indices;
+    const RTI_GLOBAL rt_vec3 *normals;
+    const RTI_GLOBAL uint32_t *normal_indices;
+    const RTI_GLOBAL rt_vec3 *colors;
+    const RTI_GLOBAL float *texcoords;
+    const RTI_GLOBAL uint32_t *texcoord_indices;
+    const RTI_GLOBAL rt_material *materials;        /* never NULL */
+    const RTI_GLOBAL uint32_t *material_ids;
+    uint32_t triangle_count, instance_count, tree_count;    /* tree_count: what rti_tree_count says */
+)
+#if RTI_SPHERES
+RTI_SHARED(
+    const RTI_GLOBAL rt_sphere *spheres;
+)
+#endif
+#if RTI_PLANES
+RTI_SHARED(
+    const RTI_GLOBAL rt_plane *planes;
+)
+#endif
+RTI_SHARED(
+} rti_shape;
+)
 
 /* Of a triangle with corners p, p + a, p + b. */
-static rti_mapping rti_map_triangle(const rt_scene *scene, const rt_hit *hit, rt_vec3 a, rt_vec3 b)
+RTI_SHARED(
+static rti_mapping rti_map_triangle(const rti_shape *shape, const rt_hit *hit, rt_vec3 a, rt_vec3 b)
 {
-    const uint32_t *index = scene->texcoords ? scene->texcoord_indices + 3 * (size_t)hit->prim : NULL;
-    const float aa = rti_dot(a, a), ab = rti_dot(a, b), bb = rti_dot(b, b), det = aa * bb - ab * ab;
-    float corner[3][2] = { { 0, 0 }, { 1, 0 }, { 0, 1 } };
+    const float aa = rti_dot(a, a), ab = rti_dot(a, b), bb = rti_dot(b, b), det = rti_minor(aa, bb, ab, ab);
+    float corner[3][2] = { { 0, 0 }, { 1, 0 }, { 0, 1 } }, at[2];
     rt_vec3 to_a = rti_vec3(0, 0, 0), to_b = to_a;          /* a step's parts along a and b */
     rti_mapping m;
     int i, k;
-    if (index && index[0] != RT_NONE)
-        for (i = 0; i < 3; i++)
-            for (k = 0; k < 2; k++) corner[i][k] = scene->texcoords[2 * (size_t)index[i] + (size_t)k];
+    if (shape->texcoords) {
+        const RTI_GLOBAL uint32_t *index = shape->texcoord_indices + 3 * (size_t)hit->prim;
+        if (index[0] != RT_NONE)
+            for (i = 0; i < 3; i++)
+                for (k = 0; k < 2; k++) corner[i][k] = shape->texcoords[2 * (size_t)index[i] + (size_t)k];
+    }
     if (det > 0) {
         to_a = rti_scale(rti_sub(rti_scale(a, bb), rti_scale(b, ab)), 1 / det);
         to_b = rti_scale(rti_sub(rti_scale(b, aa), rti_scale(a, ab)), 1 / det);
     }
-    m.u = corner[0][0] + hit->u * (corner[1][0] - corner[0][0]) + hit->v * (corner[2][0] - corner[0][0]);
-    m.v = corner[0][1] + hit->u * (corner[1][1] - corner[0][1]) + hit->v * (corner[2][1] - corner[0][1]);
-    for (k = 0; k < 2; k++)
-        m.across[k] = rti_add(rti_scale(to_a, corner[1][k] - corner[0][k]), rti_scale(to_b, corner[2][k] - corner[0][k]));
+    for (k = 0; k < 2; k++) {
+        const float along_a = corner[1][k] - corner[0][k], along_b = corner[2][k] - corner[0][k];
+        at[k] = corner[0][k] + rti_keepf(hit->u * along_a) + rti_keepf(hit->v * along_b);
+        m.across[k] = rti_add(rti_scale(to_a, along_a), rti_scale(to_b, along_b));
+    }
+    m.u = at[0];
+    m.v = at[1];
     return m;
 }
+)
 
 /* Of a sphere, out being from its centre: longitude, 0.5 at +x and growing towards +z, and latitude from -y. Near the poles a step may go
    round: that is as far as it counts. */
+RTI_SHARED(
 static rti_mapping rti_map_sphere(rt_vec3 out)
 {
-    const float level2 = out.x * out.x + out.z * out.z, r2 = level2 + out.y * out.y, level = sqrtf(level2);
+    const float level2 = rti_keepf(out.x * out.x) + rti_keepf(out.z * out.z), r2 = level2 + rti_keepf(out.y * out.y), level = sqrtf(level2);
     const rt_vec3 east = level > 0 ? rti_vec3(-out.z / level, 0, out.x / level) : rti_vec3(1, 0, 0);
     const rt_vec3 north = level > 0 ? rti_vec3(-out.x * out.y / level, level, -out.z * out.y / level) : rti_vec3(0, 0, 1);
     rti_mapping m;
-    m.u = 0.5f + atan2f(out.z, out.x) * 0.159154943f;
-    m.v = 0.5f + atan2f(out.y, level) * 0.318309886f;
+    m.u = 0.5f + rti_keepf(rti_atan2f(out.z, out.x) * 0.159154943f);
+    m.v = 0.5f + rti_keepf(rti_atan2f(out.y, level) * 0.318309886f);
     m.across[0] = rti_scale(east, 0.159154943f / rti_maxf(level, 1e-4f * sqrtf(r2)));
     m.across[1] = rti_scale(north, r2 > 0 ? 0.318309886f / r2 : 0);
     return m;
 }
+)
 
 #if RTI_PLANES
+RTI_SHARED(
 static rti_mapping rti_map_plane(rt_vec3 normal, rt_vec3 from)
 {
     rti_mapping m;
@@ -5710,10 +6030,12 @@ static rti_mapping rti_map_plane(rt_vec3 normal, rt_vec3 from)
     m.v = rti_dot(from, m.across[1]);
     return m;
 }
+)
 #endif
 
 /* Two half axes of an ellipse, of which each is parallel to the tangents where the other ends, become its own axes, at right angles, the first the
    long one: what an affine map makes of the axes of an ellipse are the former. */
+RTI_SHARED(
 static void rti_turn_axes(rt_vec3 axes[2])
 {
     const rt_vec3 a = axes[0], b = axes[1];
@@ -5722,16 +6044,18 @@ static void rti_turn_axes(rt_vec3 axes[2])
     if (!(most > 0 && most <= FLT_MAX)) return;
     rest = (aa - bb) / most;
     twist = 2 * ab / most;
-    length = sqrtf(rest * rest + twist * twist);
+    length = sqrtf(rti_keepf(rest * rest) + rti_keepf(twist * twist));
     if (!(length > 0)) return;              /* a circle */
     cosine = sqrtf(rti_maxf(0.5f + 0.5f * rest / length, 0));
     sine = copysignf(sqrtf(rti_maxf(0.5f - 0.5f * rest / length, 0)), twist);
     axes[0] = rti_add(rti_scale(a, cosine), rti_scale(b, sine));
     axes[1] = rti_sub(rti_scale(b, cosine), rti_scale(a, sine));
 }
+)
 
 /* The spot around what is seen, steps being the axes of what is seen on the surface. */
-static rti_spot rti_spot_of(const rt_texture *texture, const rti_mapping *m, rt_vec3 point, const rt_vec3 steps[2])
+RTI_SHARED(
+static rti_spot rti_spot_of(const RTI_GLOBAL rt_texture *texture, const rti_mapping *m, rt_vec3 point, const rt_vec3 steps[2])
 {
     const bool image = texture->kind == RT_TEXTURE_IMAGE;
     const float width = image ? (float)texture->width : 1, height = image ? (float)texture->height : 1;
@@ -5751,8 +6075,10 @@ static rti_spot rti_spot_of(const rt_texture *texture, const rti_mapping *m, rt_
     }
     return spot;
 }
+)
 
-static float rti_height_at(const rt_texture *texture, const rti_mapping *m, rt_vec3 point, const rt_vec3 round[2], rt_vec3 step)
+RTI_SHARED(
+static float rti_height_at(const RTI_GLOBAL rt_texture *texture, const rti_mapping *m, rt_vec3 point, const rt_vec3 round[2], rt_vec3 step)
 {
     rti_mapping there = *m;
     rti_spot spot;
@@ -5761,14 +6087,16 @@ static float rti_height_at(const rt_texture *texture, const rti_mapping *m, rt_v
     there.v += rti_dot(step, m->across[1]);
     spot = rti_spot_of(texture, &there, rti_add(point, step), round);
     color = rti_look_at_texture(texture, &spot);
-    return (color.x + color.y + color.z) * 0.333333333f;
+    return rti_keepf((color.x + color.y + color.z) * 0.333333333f);
 }
+)
 
 /* Blinn 1978: the normal, of unit length, of a surface raised by a texture's height: by its slopes along the axes of what is seen, over no
    less than those, so that waves too short to be seen do not tilt it; and no less than a texel or a small part of a wave. */
-static rt_vec3 rti_bump(const rt_material *material, const rti_mapping *m, rt_vec3 point, rt_vec3 normal, const rt_vec3 steps[2])
+RTI_SHARED(
+static rt_vec3 rti_bump(const RTI_GLOBAL rt_material *material, const rti_mapping *m, rt_vec3 point, rt_vec3 normal, const rt_vec3 steps[2])
 {
-    const rt_texture *texture = material->bump;
+    const RTI_GLOBAL rt_texture *texture = RTI_FOLLOW(rt_texture, material, bump);
     const float size = texture->size > 0 ? texture->size : 1;
     const float most = (float)(texture->width > texture->height ? texture->width : texture->height);
     const float least = texture->kind == RT_TEXTURE_IMAGE ? 0.5f / most : size / 32;
@@ -5781,16 +6109,18 @@ static rt_vec3 rti_bump(const rt_material *material, const rti_mapping *m, rt_ve
         const float length = sqrtf(rti_dot(steps[i], steps[i]));
         const rt_vec3 along = rti_normalize(steps[i]);
         const float du = rti_dot(along, m->across[0]), dv = rti_dot(along, m->across[1]);
-        const float rate = texture->solid ? 1 : sqrtf(du * du + dv * dv), step = rti_maxf(length, rate > 0 ? least / rate : 0);
-        rt_vec3 half;
+        const float rate = texture->solid ? 1 : sqrtf(rti_keepf(du * du) + rti_keepf(dv * dv));
+        const float step = rti_maxf(length, rate > 0 ? least / rate : 0);
+        rt_vec3 way;
         float slope;
         if (!(step > 0)) continue;
-        half = rti_scale(along, 0.5f * step);
-        slope = (rti_height_at(texture, m, point, round, half) - rti_height_at(texture, m, point, round, rti_scale(half, -1))) / step;
+        way = rti_scale(along, 0.5f * step);
+        slope = (rti_height_at(texture, m, point, round, way) - rti_height_at(texture, m, point, round, rti_scale(way, -1))) / step;
         bumped = rti_sub(bumped, rti_scale(along, slope * material->bump_height));
     }
     return rti_normalize(bumped);
 }
+)
 
 /* ---- >>shading ------------------------------------------------------------------------------------------------------ */
 
@@ -5801,27 +6131,69 @@ static rt_vec3 rti_bump(const rt_material *material, const rti_mapping *m, rt_ve
 
 #define RTI_MAX_BLOCK 32                    /* pixels a side: for packets of 32 x 32 rays */
 #define RTI_DEPTH 5                         /* levels, when none are asked for */
-#define RTI_LEAST_WEIGHT (1.0f / 512)       /* half a step of a picture with 256 of them: a ray that counts less does not show */
 
 /* What a ray carries besides itself. */
+RTI_SHARED(
 typedef struct {
     rt_vec3 weight;                         /* of what it sees, in its pixel */
     uint32_t pixel;                         /* of the block: y * side + x */
-    const rt_material *medium;              /* inside of which it runs, or NULL */
+    const RTI_GLOBAL rt_material *medium;   /* inside of which it runs, or NULL */
     float width;                            /* of what its pixel sees, where it starts: grows as if all that mirrors or refracts were flat */
+)
 #if RTI_SAMPLING
+RTI_SHARED(
     float time;
     uint32_t branch;                        /* of the sample's tree of rays: the eye ray 1, what it sees mirrored 2, refracted 3, and so on */
+)
 #endif
+RTI_SHARED(
 } rti_path;
-
 typedef enum { RTI_EYE, RTI_REFLECT, RTI_REFRACT } rti_kind_of_ray;
+)
 
 #if RTI_SAMPLING
 #define RTI_SAMPLING_OR(with, without) (with)
 #else
 #define RTI_SAMPLING_OR(with, without) (without)
 #endif
+
+/* How the rays of a sample start, and where their numbers come from. */
+RTI_SHARED(
+typedef struct {
+    rti_view view;
+    uint32_t left, top, side;               /* of the block, in pixels */
+)
+#if RTI_SAMPLING
+RTI_SHARED(
+    rt_sampler sampler;
+    uint32_t sample;                        /* of each pixel, that is being drawn */
+    rt_filter filter;
+    rti_aperture lens;
+    bool spread;                            /* samples lie anywhere in the filter, not regularly in the pixel */
+    bool timed;                             /* rays have times that matter, from open, for length */
+    float open, length;
+)
+#endif
+RTI_SHARED(
+} rti_film;
+)
+
+/* What rays meet. */
+RTI_SHARED(
+typedef struct {
+    rti_shape shape;                        /* what is in no instance */
+    rt_vec3 ambient, background;
+    float angle;                            /* that a sample stands for: by so much a ray's width grows a unit of length */
+)
+#if RTI_INSTANCES
+RTI_SHARED(
+    const rt_accel *accel;
+    const RTI_GLOBAL rti_part *part;        /* the outermost */
+)
+#endif
+RTI_SHARED(
+} rti_world;
+)
 
 /* Waiting rays of one kind and level from one batch; a group lies on top of the one before it. */
 typedef struct { size_t count; int level; rti_kind_of_ray kind; } rti_group;
@@ -5835,19 +6207,11 @@ typedef struct {
     rti_aim_function aim;
     rti_job job;
     rti_tuner tuners[2][3];                 /* of closest and any hits; by the kind of ray that is traced, or lit */
-    rti_view view;
+    rti_world world;
+    rti_film film;
     rt_ray_counts counts;
     int depth, spp, side;                   /* side: of a block, in pixels */
-    float angle;                            /* that a sample stands for: by so much a ray's width grows a unit of length */
 #if RTI_SAMPLING
-    rt_sampler sampler;
-    rt_filter filter;
-    rti_aperture lens;
-    bool spread;                            /* samples lie anywhere in the filter, not regularly in the pixel */
-    bool timed;                             /* rays have times that matter, from open, for length */
-    float open, length;
-    int left, top;                          /* of the block */
-    uint32_t sample;                        /* of each pixel, that is being drawn */
     float *times;                           /* one a ray of the batch, for those below */
     float *shares;                          /* of a light with a size: what its point counts, one a surface */
 #endif
@@ -5872,15 +6236,20 @@ typedef struct {
 } rti_render;
 
 /* The mean of three vectors by the weights of a hit; in one expression a component, which the compiler keeps in registers. */
-RTI_INLINE rt_vec3 rti_blend(const rt_hit *hit, const rt_vec3 *a, const rt_vec3 *b, const rt_vec3 *c)
+RTI_SHARED(
+RTI_INLINE rt_vec3 rti_blend(const rt_hit *hit, rt_vec3 a, rt_vec3 b, rt_vec3 c)
 {
     const float u = hit->u, v = hit->v, w = 1 - u - v;
-    return rti_vec3(a->x * w + b->x * u + c->x * v, a->y * w + b->y * u + c->y * v, a->z * w + b->z * u + c->z * v);
+    return rti_vec3(rti_keepf(a.x * w) + rti_keepf(b.x * u) + rti_keepf(c.x * v),
+                    rti_keepf(a.y * w) + rti_keepf(b.y * u) + rti_keepf(c.y * v),
+                    rti_keepf(a.z * w) + rti_keepf(b.z * u) + rti_keepf(c.z * v));
 }
+)
 
 /* The numbers of surface i stand RTI_ABREAST apart from there. */
 RTI_INLINE float *rti_lanes(rti_surfaces *s, size_t i) { return s[i / RTI_ABREAST].lanes + i % RTI_ABREAST; }
 
+RTI_SHARED(
 RTI_INLINE void rti_put(float *lanes, int lane, rt_vec3 v)
 {
     lanes[lane * RTI_ABREAST] = v.x;
@@ -5892,8 +6261,10 @@ RTI_INLINE rt_vec3 rti_get(const float *lanes, int lane)
 {
     return rti_vec3(lanes[lane * RTI_ABREAST], lanes[(lane + 1) * RTI_ABREAST], lanes[(lane + 2) * RTI_ABREAST]);
 }
+)
 
 /* How a surface is looked at. */
+RTI_SHARED(
 typedef struct {
     rt_vec3 dir;                            /* of the ray, in the world, of any length */
     float width;                            /* of what the pixel sees, across it */
@@ -5901,18 +6272,38 @@ typedef struct {
     const float *inverse;                   /* from the world to there; NULL: the same */
 } rti_gaze;
 
+static rt_vec3 rti_row(const float *m) { return rti_vec3(m[0], m[1], m[2]); }
+
 static rt_vec3 rti_turn_inside(const rti_gaze *gaze, rt_vec3 a)
 {
     const float *m = gaze->inverse;
-    if (!m) return a;
-    return rti_vec3(m[0] * a.x + m[1] * a.y + m[2] * a.z, m[4] * a.x + m[5] * a.y + m[6] * a.z, m[8] * a.x + m[9] * a.y + m[10] * a.z);
+    return m ? rti_vec3(rti_dot(rti_row(m), a), rti_dot(rti_row(m + 4), a), rti_dot(rti_row(m + 8), a)) : a;
 }
+)
+
+/* Which vertices a triangle has, and its edges from the first. */
+RTI_SHARED(
+RTI_INLINE void rti_edges_of(const rti_shape *shape, uint32_t prim, size_t corners[3], rt_vec3 *pq, rt_vec3 *pr)
+{
+    const size_t first = 3 * (size_t)prim;
+    const RTI_GLOBAL uint32_t *v = shape->indices ? shape->indices + first : NULL;
+    const RTI_GLOBAL float *p, *q, *r;
+    corners[0] = v ? v[0] : first;
+    corners[1] = v ? v[1] : first + 1;
+    corners[2] = v ? v[2] : first + 2;
+    p = shape->vertices + corners[0] * shape->stride;
+    q = shape->vertices + corners[1] * shape->stride;
+    r = shape->vertices + corners[2] * shape->stride;
+    *pq = rti_vec3(q[0] - p[0], q[1] - p[1], q[2] - p[2]);
+    *pr = rti_vec3(r[0] - p[0], r[1] - p[1], r[2] - p[2]);
+}
+)
 
 /* Textures: multiplies tint, and tilts the shading normal. What is seen of the surface is the section of the ray's cone with it. */
-RTI_NOINLINE void rti_wear(const rt_scene *scene, const rt_hit *hit, const rt_material *material, rt_vec3 point, const rti_gaze *gaze,
-                           float *lanes, rt_vec3 *tint)
+RTI_SHARED(
+RTI_NOINLINE void rti_wear(const rti_shape *shape, const rt_hit *hit, const RTI_GLOBAL rt_material *material, rt_vec3 point,
+                           const rti_gaze *gaze, float *lanes, rt_vec3 *tint)
 {
-    const rt_geometry *geo = scene->geometry;
     const rt_vec3 dir = rti_normalize(rti_turn_inside(gaze, gaze->dir)), normal = rti_normalize(rti_get(lanes, RTI_NORMAL));
     const float cosine = rti_dot(dir, normal), depth = copysignf(rti_maxf(fabsf(cosine), 0.01f), cosine);
     rt_vec3 steps[2];
@@ -5925,24 +6316,31 @@ RTI_NOINLINE void rti_wear(const rt_scene *scene, const rt_hit *hit, const rt_ma
         steps[i] = rti_sub(rti_sub(across, rti_scale(normal, high)), rti_scale(rti_sub(dir, rti_scale(normal, cosine)), high / depth));
     }
     rti_turn_axes(steps);
-    if (hit->prim < geo->triangle_count) {
-        float v[9];
-        (void)rti_fetch_triangle(geo, hit->prim, v);
-        m = rti_map_triangle(scene, hit, rti_vec3(v[3] - v[0], v[4] - v[1], v[5] - v[2]), rti_vec3(v[6] - v[0], v[7] - v[1], v[8] - v[2]));
+    if (hit->prim < shape->triangle_count) {
+        size_t corners[3];
+        rt_vec3 pq, pr;
+        rti_edges_of(shape, hit->prim, corners, &pq, &pr);
+        m = rti_map_triangle(shape, hit, pq, pr);
     }
+)
 #if RTI_PLANES
-    else if (hit->prim >= rti_tree_count(geo)) {
-        const rt_plane *plane = &geo->planes[hit->prim - rti_tree_count(geo)];
-        m = rti_map_plane(plane->normal, rti_sub(point, plane->point));
+RTI_SHARED(
+    else if (hit->prim >= shape->tree_count) {
+        const rt_plane plane = shape->planes[hit->prim - shape->tree_count];
+        m = rti_map_plane(plane.normal, rti_sub(point, plane.point));
     }
+)
 #endif
+RTI_SHARED(
     else m = rti_map_sphere(rti_get(lanes, RTI_GEOMETRIC));
     if (material->texture) {
-        const rti_spot spot = rti_spot_of(material->texture, &m, point, steps);
-        *tint = rti_mul(*tint, rti_look_at_texture(material->texture, &spot));
+        const RTI_GLOBAL rt_texture *texture = RTI_FOLLOW(rt_texture, material, texture);
+        const rti_spot spot = rti_spot_of(texture, &m, point, steps);
+        *tint = rti_mul(*tint, rti_look_at_texture(texture, &spot));
     }
     if (material->bump && material->bump_height != 0) rti_put(lanes, RTI_NORMAL, rti_bump(material, &m, point, normal, steps));
 }
+)
 
 static const rt_material rti_grey = {       /* of scenes without materials */
     { 0.7f, 0.7f, 0.7f }, { 0, 0, 0 }, { 0, 0, 0 }, 1, { 0, 0, 0 }, { 0, 0, 0 }, { 0, 0, 0 }, 1, false,
@@ -5952,171 +6350,234 @@ static const rt_material rti_grey = {       /* of scenes without materials */
     NULL, NULL, 0
 };
 
-/* Writes a surface's normals, of any length, and multiplies tint by its colours; answers its material. Of a hit on a
-   primitive of scene's own geometry, in its space. */
-RTI_INLINE const rt_material *rti_look_up(const rt_scene *scene, const rt_hit *hit, rt_vec3 point, const rti_gaze *gaze, float *lanes,
-                                          rt_vec3 *tint)
+static rti_shape rti_shape_of(const rt_scene *scene)
 {
     const rt_geometry *geo = scene->geometry;
-    const rt_material *material;
+    rti_shape shape;
+    shape.vertices = geo->vertices;
+    shape.stride = geo->vertex_stride ? geo->vertex_stride / sizeof(float) : 3;
+    shape.indices = geo->indices;
+    shape.normals = scene->normals;
+    shape.normal_indices = scene->normal_indices;
+    shape.colors = scene->colors;
+    shape.texcoords = scene->texcoords;
+    shape.texcoord_indices = scene->texcoord_indices;
+    shape.materials = scene->material_count ? scene->materials : &rti_grey;
+    shape.material_ids = scene->material_count ? scene->material_ids : NULL;
+    shape.triangle_count = (uint32_t)geo->triangle_count;
+    shape.instance_count = (uint32_t)rti_instance_count(geo);
+    shape.tree_count = (uint32_t)rti_tree_count(geo);
+#if RTI_SPHERES
+    shape.spheres = geo->spheres;
+#endif
+#if RTI_PLANES
+    shape.planes = geo->planes;
+#endif
+    return shape;
+}
+
+/* Writes a surface's normals, of any length, and multiplies tint by its colours; answers its material. Of a hit on a
+   primitive of shape itself, in its space. */
+RTI_SHARED(
+RTI_INLINE const RTI_GLOBAL rt_material *rti_look_up(const rti_shape *shape, const rt_hit *hit, rt_vec3 point, const rti_gaze *gaze,
+                                                     float *lanes, rt_vec3 *tint)
+{
+    const RTI_GLOBAL rt_material *material;
     uint32_t id = hit->prim;                /* in material_ids, where instances have no place */
-    if (hit->prim < geo->triangle_count) {
-        const size_t corner = 3 * (size_t)hit->prim, stride = geo->vertex_stride ? geo->vertex_stride / sizeof(float) : 3;
-        const uint32_t *v = geo->indices ? geo->indices + corner : NULL;
-        const float *p = geo->vertices + (v ? v[0] : corner) * stride, *q = geo->vertices + (v ? v[1] : corner + 1) * stride;
-        const float *r = geo->vertices + (v ? v[2] : corner + 2) * stride;
-        const rt_vec3 pq = rti_vec3(q[0] - p[0], q[1] - p[1], q[2] - p[2]), pr = rti_vec3(r[0] - p[0], r[1] - p[1], r[2] - p[2]);
-        const rt_vec3 flat = rti_cross(pq, pr);
-        lanes[RTI_OFFSET * RTI_ABREAST] += 0.1f * gaze->stretch * rti_maxf(rti_largest(pq), rti_largest(pr));      /* t errs by so much too */
+    if (hit->prim < shape->triangle_count) {
+        size_t v[3];
+        rt_vec3 pq, pr, flat;
+        rti_edges_of(shape, hit->prim, v, &pq, &pr);
+        flat = rti_cross(pq, pr);
+        /* t errs by so much too */
+        lanes[RTI_OFFSET * RTI_ABREAST] += rti_keepf(0.1f * gaze->stretch * rti_maxf(rti_largest(pq), rti_largest(pr)));
         rti_put(lanes, RTI_GEOMETRIC, flat);
         rti_put(lanes, RTI_NORMAL, flat);
-        if (scene->normals) {
-            const uint32_t *n = scene->normal_indices + corner;
+        if (shape->normals) {
+            const RTI_GLOBAL uint32_t *n = shape->normal_indices + 3 * (size_t)hit->prim;
             if (n[0] != RT_NONE) {
-                const rt_vec3 smooth = rti_blend(hit, &scene->normals[n[0]], &scene->normals[n[1]], &scene->normals[n[2]]);
+                const rt_vec3 smooth = rti_blend(hit, shape->normals[n[0]], shape->normals[n[1]], shape->normals[n[2]]);
                 if (smooth.x != 0 || smooth.y != 0 || smooth.z != 0) rti_put(lanes, RTI_NORMAL, smooth);
             }
         }
-        if (scene->colors)
-            *tint = rti_mul(*tint, rti_blend(hit, &scene->colors[v ? v[0] : corner], &scene->colors[v ? v[1] : corner + 1],
-                                             &scene->colors[v ? v[2] : corner + 2]));
+        if (shape->colors) *tint = rti_mul(*tint, rti_blend(hit, shape->colors[v[0]], shape->colors[v[1]], shape->colors[v[2]]));
     }
+)
 #if RTI_PLANES
-    else if (hit->prim >= rti_tree_count(geo)) {
-        const rt_vec3 normal = geo->planes[hit->prim - rti_tree_count(geo)].normal;
+RTI_SHARED(
+    else if (hit->prim >= shape->tree_count) {
+        const rt_vec3 normal = shape->planes[hit->prim - shape->tree_count].normal;
         rti_put(lanes, RTI_GEOMETRIC, normal);
         rti_put(lanes, RTI_NORMAL, normal);
-        id -= (uint32_t)rti_instance_count(geo);
+        id -= shape->instance_count;
     }
+)
 #endif
 #if RTI_SPHERES
+RTI_SHARED(
     else {
-        const rt_vec3 out = rti_sub(point, geo->spheres[hit->prim - geo->triangle_count].center);
+        const rt_vec3 out = rti_sub(point, shape->spheres[hit->prim - shape->triangle_count].center);
         rti_put(lanes, RTI_GEOMETRIC, out);
         rti_put(lanes, RTI_NORMAL, out);
     }
+)
 #endif
-    material = scene->material_count ? &scene->materials[scene->material_ids ? scene->material_ids[id] : 0] : &rti_grey;
-    if (RTI_UNLIKELY(material->texture || material->bump)) rti_wear(scene, hit, material, point, gaze, lanes, tint);
+RTI_SHARED(
+    material = &shape->materials[shape->material_ids ? shape->material_ids[id] : 0];
+    if (RTI_UNLIKELY(material->texture || material->bump)) rti_wear(shape, hit, material, point, gaze, lanes, tint);
     return material;
 }
+)
 
 #if RTI_INSTANCES
-static rt_vec3 rti_vertex(const float *v) { return rti_vec3(v[0], v[1], v[2]); }
-
-/* By the transpose of inverse; of unit length. */
-static rt_vec3 rti_world_normal(const float inverse[12], rt_vec3 n)
+static const rti_part *rti_part_of(const rti_part *part, uint32_t number)
 {
-    return rti_normalize(rti_add(rti_add(rti_scale(rti_vertex(inverse), n.x), rti_scale(rti_vertex(inverse + 4), n.y)),
-                                 rti_scale(rti_vertex(inverse + 8), n.z)));
+    RT_ASSERT(part->parts && part->parts[number] && part->parts[number]->accel && part->parts[number]->geometry);
+    return part->parts[number];
 }
 
-/* The same of a hit within an instance, which may move: at a time. */
-RTI_NOINLINE const rt_material *rti_look_into(const rt_scene *scene, const rt_hit *hit, rt_vec3 at, float time, const rti_gaze *gaze,
-                                              float *lanes, rt_vec3 *tint)
+/* By the transpose of inverse; of unit length. */
+RTI_SHARED(
+static rt_vec3 rti_world_normal(const float inverse[12], rt_vec3 n)
 {
-    const rt_accel *accel = scene->accel;
-    const rt_material *material;
+    return rti_normalize(rti_add(rti_add(rti_scale(rti_row(inverse), n.x), rti_scale(rti_row(inverse + 4), n.y)),
+                                 rti_scale(rti_row(inverse + 8), n.z)));
+}
+)
+
+/* The same of a hit within an instance, which may move: at a time. */
+RTI_SHARED(
+RTI_NOINLINE const RTI_GLOBAL rt_material *rti_look_into(const rti_world *world, const rt_hit *hit, rt_vec3 at, float time,
+                                                         const rti_gaze *gaze, float *lanes, rt_vec3 *tint)
+{
+    const RTI_GLOBAL rt_material *material;
+    const RTI_GLOBAL rti_part *part = world->part;
+    rti_family family = rti_family_of(world->accel);
     uint32_t inst = hit->inst;
+    double to_world[12] = { 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0 };
     float m[12], inverse[12], org[3], dir[3];
     const float point[3] = { at.x, at.y, at.z };
     rti_gaze inside = *gaze;
-    (void)rt_instance_transform_at(accel, inst, time, m, NULL);
+    rti_shape shape;
+    int i;
+    while (inst != RT_NONE) part = rti_part_of(part, rti_descend(world->accel, &family, &inst, time, to_world));
+    for (i = 0; i < 12; i++) m[i] = (float)to_world[i];
     (void)rti_invert(m, inverse);
     rti_transform_ray(inverse, point, point, org, dir);
     inside.stretch = (float)rti_stretch(m);
     inside.inverse = inverse;
-    while (inst != RT_NONE) {
-        size_t number = rti_find_instance(accel, inst);
-        RT_ASSERT(scene->parts && scene->parts[number] && scene->parts[number]->accel && scene->parts[number]->geometry);
-        scene = scene->parts[number];
-        inst = inst - accel->instance_bases[number] - 1;
-        accel = scene->accel;
-    }
-    material = rti_look_up(scene, hit, rti_vertex(org), &inside, lanes, tint);
+    shape = rti_shape_of(part);
+    material = rti_look_up(&shape, hit, rti_row(org), &inside, lanes, tint);
     rti_put(lanes, RTI_GEOMETRIC, rti_world_normal(inverse, rti_get(lanes, RTI_GEOMETRIC)));
     rti_put(lanes, RTI_NORMAL, rti_world_normal(inverse, rti_get(lanes, RTI_NORMAL)));
     return material;
 }
+)
 #endif
 
+RTI_SHARED(
 static void rti_add_to(rt_vec3 *sum, rt_vec3 a, rt_vec3 b) { *sum = rti_add(*sum, rti_mul(a, b)); }
 
 static bool rti_any(rt_vec3 a) { return a.x > 0 || a.y > 0 || a.z > 0; }
 
-static bool rti_shows(rt_vec3 weight)      /* false for NaN */
+static bool rti_shows(rt_vec3 weight)      /* more than half a step of a picture with 256 of them; false for NaN */
 {
-    return weight.x >= RTI_LEAST_WEIGHT || weight.y >= RTI_LEAST_WEIGHT || weight.z >= RTI_LEAST_WEIGHT;
+    const float least = 1.0f / 512;
+    return weight.x >= least || weight.y >= least || weight.z >= least;
 }
 
 static float rti_positive(float x) { return x > 0 ? x : 0; }        /* of NaN: 0 */
+)
 
 /* What is left of a beside b where together they exceed 1. */
-static float rti_part(float a, float b) { return a + rti_positive(b) > 1 ? a / (a + rti_positive(b)) : rti_positive(a); }
-static rt_vec3 rti_share(rt_vec3 a, rt_vec3 b) { return rti_vec3(rti_part(a.x, b.x), rti_part(a.y, b.y), rti_part(a.z, b.z)); }
+RTI_SHARED(
+static float rti_part_beside(float a, float b) { return a + rti_positive(b) > 1 ? a / (a + rti_positive(b)) : rti_positive(a); }
+static rt_vec3 rti_share(rt_vec3 a, rt_vec3 b)
+{
+    return rti_vec3(rti_part_beside(a.x, b.x), rti_part_beside(a.y, b.y), rti_part_beside(a.z, b.z));
+}
+)
 
 /* How much of the light is left after that length. */
+RTI_SHARED(
 static rt_vec3 rti_dim(rt_vec3 absorb, float length)
 {
-    return rti_vec3(expf(-rti_positive(absorb.x) * length), expf(-rti_positive(absorb.y) * length), expf(-rti_positive(absorb.z) * length));
+    const rt_vec3 lost = rti_scale(absorb, length);
+    return rti_vec3(rti_expf(-rti_positive(lost.x)), rti_expf(-rti_positive(lost.y)), rti_expf(-rti_positive(lost.z)));
 }
+)
+
+/* The material of a surface, and what is asked of it once, since neighbours tend to have the same. */
+RTI_SHARED(
+typedef struct { const RTI_GLOBAL rt_material *material; bool shiny, glows; } rti_known;
+)
+
+/* From the hit of a ray to the surface that it is on: its lanes, what is known of its material, its tint and, where there is more to trace,
+   whether it was met from its inside. Adds what it glows. */
+RTI_SHARED(
+RTI_INLINE void rti_meet(const rti_world *world, const rt_ray *ray, const rt_hit *hit, rti_path *path, rti_known *known, float *lanes,
+                         rt_vec3 *tint, bool *inside, rt_vec3 *sum)
+{
+    const RTI_GLOBAL rt_material *material;
+    const rt_vec3 point = rti_add(ray->org, rti_scale(ray->dir, hit->t));
+    const float length = hit->t * sqrtf(rti_dot(ray->dir, ray->dir));
+    rti_gaze gaze;
+    path->width += rti_keepf(length * world->angle);
+    gaze.dir = ray->dir;
+    gaze.width = path->width;
+    gaze.stretch = 1;
+    gaze.inverse = NULL;
+    rti_put(lanes, RTI_POINT, point);
+    rti_put(lanes, RTI_VIEW, ray->dir);
+    lanes[RTI_OFFSET * RTI_ABREAST] = rti_keepf(hit->t * rti_largest(ray->dir)) + rti_largest(point);
+    *tint = path->weight;
+)
+#if RTI_INSTANCES
+RTI_SHARED(
+    if (hit->inst != RT_NONE) material = rti_look_into(world, hit, point, RTI_SAMPLING_OR(path->time, 0), &gaze, lanes, tint);
+    else
+)
+#endif
+RTI_SHARED(
+        material = rti_look_up(&world->shape, hit, point, &gaze, lanes, tint);
+    if (material != known->material) {
+        known->material = material;
+        known->shiny = rti_any(material->reflect) || rti_any(material->transmit);
+        known->glows = rti_any(material->emission);
+    }
+    if (known->shiny || path->medium) {
+        *inside = rti_dot(rti_get(lanes, RTI_GEOMETRIC), ray->dir) > 0;
+        if (*inside && rti_any(material->transmit)) path->medium = material;
+        if (path->medium && rti_any(path->medium->absorb)) {
+            const rt_vec3 left = rti_dim(path->medium->absorb, length);
+            path->weight = rti_mul(path->weight, left);
+            *tint = rti_mul(*tint, left);
+        }
+    }
+    *tint = rti_mul(*tint, material->diffuse);
+    rti_add_to(sum, *tint, world->ambient);
+    if (known->glows) rti_add_to(sum, path->weight, material->emission);
+}
+)
 
 /* From the n hits of a batch to the surfaces that they are on, whose number is answered; adds what those glow, and the background. */
 static size_t rti_look_at(rti_render *r, size_t n, bool last)
 {
-    const rt_scene *scene = r->scene;
-    const rt_material *known = NULL;        /* neighbours tend to have the same: what is asked of it once */
-    bool shiny = false, glows = false;
+    rti_known known = { NULL, false, false };
     size_t i, seen = 0;
-    rti_gaze gaze;
-    gaze.stretch = 1;
-    gaze.inverse = NULL;
     r->shiny_count = 0;
     for (i = 0; i < n; i++) {
-        const rt_ray *ray = &r->rays[i];
-        const rt_hit *hit = &r->hits[i];
-        const rt_material *material;
         rti_path *path = &r->paths[seen];
-        rt_vec3 *tint = &r->tints[seen], *sum, point;
-        float *lanes = rti_lanes(r->surfaces, seen);
+        rt_vec3 *sum;
         *path = r->paths[i];
         sum = &r->sums[path->pixel];
-        if (hit->prim == RT_NONE) {
-            rti_add_to(sum, path->weight, scene->background);
+        if (r->hits[i].prim == RT_NONE) {
+            rti_add_to(sum, path->weight, r->world.background);
             continue;
         }
-        point = rti_add(ray->org, rti_scale(ray->dir, hit->t));
-        path->width += hit->t * sqrtf(rti_dot(ray->dir, ray->dir)) * r->angle;
-        gaze.dir = ray->dir;
-        gaze.width = path->width;
-        rti_put(lanes, RTI_POINT, point);
-        rti_put(lanes, RTI_VIEW, ray->dir);
-        lanes[RTI_OFFSET * RTI_ABREAST] = hit->t * rti_largest(ray->dir) + rti_largest(point);
-        *tint = path->weight;
-#if RTI_INSTANCES
-        if (hit->inst != RT_NONE) material = rti_look_into(scene, hit, point, RTI_SAMPLING_OR(path->time, 0), &gaze, lanes, tint);
-        else
-#endif
-            material = rti_look_up(scene, hit, point, &gaze, lanes, tint);
-        r->materials[seen] = material;
-        if (material != known) {
-            known = material;
-            shiny = rti_any(material->reflect) || rti_any(material->transmit);
-            glows = rti_any(material->emission);
-        }
-        if (shiny || path->medium) {
-            r->inside[seen] = rti_dot(rti_get(lanes, RTI_GEOMETRIC), ray->dir) > 0;
-            if (r->inside[seen] && rti_any(material->transmit)) path->medium = material;
-            if (path->medium && rti_any(path->medium->absorb)) {
-                const rt_vec3 left = rti_dim(path->medium->absorb, hit->t * sqrtf(rti_dot(ray->dir, ray->dir)));
-                path->weight = rti_mul(path->weight, left);
-                *tint = rti_mul(*tint, left);
-            }
-            if (shiny && !last) r->shiny[r->shiny_count++] = (unsigned short)seen;
-        }
-        *tint = rti_mul(*tint, material->diffuse);
-        rti_add_to(sum, *tint, scene->ambient);
-        if (glows) rti_add_to(sum, path->weight, material->emission);
+        rti_meet(&r->world, &r->rays[i], &r->hits[i], path, &known, rti_lanes(r->surfaces, seen), &r->tints[seen], &r->inside[seen], sum);
+        r->materials[seen] = known.material;
+        if (known.shiny && !last) r->shiny[r->shiny_count++] = (unsigned short)seen;
         seen++;
     }
     return seen;
@@ -6125,55 +6586,68 @@ static size_t rti_look_at(rti_render *r, size_t n, bool last)
 #if RTI_SAMPLING
 
 /* Dimensions of a branch of the tree. */
+RTI_SHARED(
 enum { RTI_ON_PIXEL, RTI_ON_LENS, RTI_IN_TIME, RTI_ON_LOBE, RTI_ON_LIGHTS };    /* the lights: one each */
 
-static void rti_draw(const rti_render *r, const rti_path *path, uint32_t dimension, float u[2])
+static void rti_draw(const rti_film *film, const rti_path *path, uint32_t dimension, float u[2])
 {
-    const uint32_t side = (uint32_t)r->side, x = (uint32_t)r->left + path->pixel % side, y = (uint32_t)r->top + path->pixel / side;
-    rt_sample_2d(&r->sampler, x, y, r->sample, path->branch * 0x9e3779b1u + dimension, u);
+    const uint32_t x = film->left + path->pixel % film->side, y = film->top + path->pixel / film->side;
+    rti_sample_2d(&film->sampler, x, y, film->sample, path->branch * 0x9e3779b1u + dimension, u);
 }
+)
 
 /* The direction at an angle from axis, whose cosine and its square's rest to 1 are given, and somewhere around it. */
+RTI_SHARED(
 static rt_vec3 rti_around(rt_vec3 axis, float cosine, float sine2, float turn)
 {
-    const float sine = sqrtf(rti_positive(sine2)), angle = 6.28318531f * turn;
+    const float away = sqrtf(rti_positive(sine2));
+    float s, c;
     rt_vec3 x, y;
+    rti_circle(turn, &s, &c);
     rti_frame(axis, &x, &y);
-    return rti_add(rti_scale(axis, cosine), rti_add(rti_scale(x, sine * cosf(angle)), rti_scale(y, sine * sinf(angle))));
+    return rti_add(rti_scale(axis, cosine), rti_add(rti_scale(x, away * c), rti_scale(y, away * s)));
 }
+)
 
 /* A direction around axis, as dense as the nth power of the cosine. */
+RTI_SHARED(
 static rt_vec3 rti_on_lobe(rt_vec3 axis, float n, const float u[2])
 {
-    const float log_cosine = logf(1 - u[0]) / (n + 1);      /* u is below 1 */
-    return rti_around(axis, expf(log_cosine), -expm1f(2 * log_cosine), u[1]);
+    const double cosine = rti_exp(rti_log((double)(1 - u[0])) / (double)(n + 1));       /* u is below 1 */
+    return rti_around(axis, (float)cosine, (float)((1 - cosine) * (1 + cosine)), u[1]);
 }
+)
 
 /* The same for a rough surface; what would go to the wrong side of it is mirrored to the right one, so that nothing is lost. */
-static rt_vec3 rti_roughen(const rti_render *r, const rti_path *path, uint32_t dimension, float roughness, rt_vec3 dir, rt_vec3 geometric,
+RTI_SHARED(
+static rt_vec3 rti_roughen(const rti_film *film, const rti_path *path, uint32_t dimension, float roughness, rt_vec3 dir, rt_vec3 geometric,
                            float side)
 {
     float u[2], off;
-    rti_draw(r, path, dimension, u);
+    rti_draw(film, path, dimension, u);
     dir = rti_on_lobe(rti_normalize(dir), 2 / (roughness * roughness) - 2, u);
     off = rti_dot(dir, geometric) * side;
     return off < 0 ? rti_sub(dir, rti_scale(geometric, 2 * off * side)) : dir;
 }
+)
 
 /* 1 - the cosine of the half angle that a sphere subtends from a distance; inside of it 2: all directions. */
+RTI_SHARED(
 static float rti_cap(float radius, float distance)
 {
-    const float sine = radius / distance, sine2 = sine * sine;
+    const float sine = radius / distance, sine2 = rti_keepf(sine * sine);
     return sine2 < 1 ? sine2 / (1 + sqrtf(1 - sine2)) : 2;
 }
+)
 
 /* A point of a sphere as seen from `from`, and what it counts. */
+RTI_SHARED(
 static rt_vec3 rti_on_sphere(const rt_light *light, rt_vec3 from, const float u[2], float *share)
 {
     const rt_vec3 to = rti_sub(light->position, from);
     const float radius = light->radius, distance = sqrtf(rti_dot(to, to)), cap = rti_cap(radius, distance);
     const rt_vec3 axis = distance > 0 ? rti_scale(to, 1 / distance) : rti_vec3(0, 0, 1);
-    const float part = u[0] * (light->by_area ? 2 : cap);      /* 1 - cosine */
+    const float part = rti_keepf(u[0] * (light->by_area ? 2 : cap));      /* 1 - cosine */
     const rt_vec3 dir = rti_around(axis, 1 - part, part * (2 - part), u[1]);
     *share = 1;
     if (light->by_area) {                   /* dir is the outer normal */
@@ -6183,17 +6657,32 @@ static rt_vec3 rti_on_sphere(const rt_light *light, rt_vec3 from, const float u[
         return at;
     }
     {
-        const float along = distance * (1 - part), off2 = distance * distance * part * (2 - part);
-        const float half = sqrtf(rti_positive(radius * radius - off2));
-        return rti_add(from, rti_scale(dir, cap < 2 ? along - half : along + half));
+        const float along = rti_keepf(distance * (1 - part)), off2 = rti_keepf(distance * distance * part * (2 - part));
+        const float deep = sqrtf(rti_positive(rti_keepf(radius * radius) - off2));
+        return rti_add(from, rti_scale(dir, cap < 2 ? along - deep : along + deep));
     }
 }
+)
 
 /* A rectangle as seen from a point: in its own axes, the origin there (Urena et al. 2013). In double: small angles are differences. */
+RTI_SHARED(
 typedef struct { double x0, x1, y0, y1, z, b0, b1, k, solid; rt_vec3 x, y, out; } rti_window;
 
-static double rti_arc(double cosine) { return acos(cosine > 1 ? 1 : cosine < -1 ? -1 : cosine); }
+static double rti_hypotenuse(double a, double b) { return sqrt(rti_keep(a * a) + rti_keep(b * b)); }
+)
 
+/* The sum of the angles, from 0 to pi, that have these cosines. */
+RTI_SHARED(
+static double rti_sum_arcs(double a, double b)
+{
+    const double sine_a = sqrt((1 - a) * (1 + a)), sine_b = sqrt((1 - b) * (1 + b));
+    const double cosine = rti_keep(a * b) - rti_keep(sine_a * sine_b), sine = rti_keep(sine_a * b) + rti_keep(a * sine_b);
+    const double angle = rti_arc_tangent_ratio(fabs(sine), cosine);
+    return sine < 0 || (sine == 0 && cosine > 0 && a < 0) ? 6.2831853071795865 - angle : angle;
+}
+)
+
+RTI_SHARED(
 static rti_window rti_make_window(const rt_light *light, rt_vec3 from)
 {
     const float width = sqrtf(rti_dot(light->edges[0], light->edges[0])), height = sqrtf(rti_dot(light->edges[1], light->edges[1]));
@@ -6214,21 +6703,20 @@ static rti_window rti_make_window(const rt_light *light, rt_vec3 from)
     w.y0 = (double)rti_dot(to, w.y) - (double)height / 2;
     w.y1 = w.y0 + (double)height;
     for (i = 0; i < 2; i++) {
-        const double x = i ? w.x1 : w.x0, y = i ? w.y1 : w.y0, rx = sqrt(x * x + w.z * w.z), ry = sqrt(y * y + w.z * w.z);
+        const double x = i ? w.x1 : w.x0, y = i ? w.y1 : w.y0, rx = rti_hypotenuse(x, w.z), ry = rti_hypotenuse(y, w.z);
         zx[i] = rx > 0 ? x / rx : 0;
         zy[i] = ry > 0 ? y / ry : 0;
     }
     /* n0 = (0, z, -y0), n1 = (-z, 0, x1), n2 = (0, -z, y1), n3 = (z, 0, -x0), each over its length */
-    {
-        const double g0 = rti_arc(zy[0] * zx[1]), g1 = rti_arc(-zx[1] * zy[1]), g2 = rti_arc(zy[1] * zx[0]), g3 = rti_arc(-zx[0] * zy[0]);
-        w.b0 = -zy[0];
-        w.b1 = zy[1];
-        w.k = 6.283185307179586 - g2 - g3;
-        w.solid = g0 + g1 - w.k;
-    }
+    w.b0 = -zy[0];
+    w.b1 = zy[1];
+    w.k = 6.2831853071795865 - rti_sum_arcs(rti_keep(zy[1] * zx[0]), rti_keep(-zx[0] * zy[0]));
+    w.solid = rti_sum_arcs(rti_keep(zy[0] * zx[1]), rti_keep(-zx[1] * zy[1])) - w.k;
     return w;
 }
+)
 
+RTI_SHARED(
 static double rti_clamp(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
 
 static rt_vec3 rti_on_rectangle(const rt_light *light, rt_vec3 from, const float u[2], float *share)
@@ -6238,122 +6726,198 @@ static rt_vec3 rti_on_rectangle(const rt_light *light, rt_vec3 from, const float
     double x, y;
     *share = 1;
     if (light->by_area || !(w.solid > 1e-8)) {              /* seen so small, its points count alike to some 1e-4 */
-        x = w.x0 + (double)u[0] * (w.x1 - w.x0);
-        y = w.y0 + (double)u[1] * (w.y1 - w.y0);
+        x = w.x0 + rti_keep((double)u[0] * (w.x1 - w.x0));
+        y = w.y0 + rti_keep((double)u[1] * (w.y1 - w.y0));
         if (w.solid > 1e-8) {
-            const double away2 = x * x + y * y + w.z * w.z;
+            const double away2 = rti_keep(x * x) + rti_keep(y * y) + rti_keep(w.z * w.z);
             *share = (float)(-w.z / (away2 * sqrt(away2)) * area / w.solid);
         }
     } else {
-        const double angle = (double)u[0] * w.solid + w.k, f = (cos(angle) * w.b0 - w.b1) / sin(angle);
-        const double c = rti_clamp((f > 0 ? 1 : -1) / sqrt(f * f + w.b0 * w.b0), -1, 1);
-        double d, h0, h1, h;
-        x = rti_clamp(-(c * w.z) / sqrt(1 - c * c), w.x0, w.x1);
-        d = sqrt(x * x + w.z * w.z);
-        h0 = w.y0 / sqrt(d * d + w.y0 * w.y0);
-        h1 = w.y1 / sqrt(d * d + w.y1 * w.y1);
-        h = h0 + (double)u[1] * (h1 - h0);
-        y = h * h < 1 ? rti_clamp(h * d / sqrt(1 - h * h), w.y0, w.y1) : h > 0 ? w.y1 : w.y0;
+        double sine, cosine, f, c, d, h0, h1, h;
+        rti_sine_cosine(rti_keep((double)u[0] * w.solid) + w.k, &sine, &cosine);
+        f = (rti_keep(cosine * w.b0) - w.b1) / sine;
+        c = rti_clamp((f > 0 ? 1 : -1) / rti_hypotenuse(f, w.b0), -1, 1);
+        x = rti_clamp(-(c * w.z) / sqrt(1 - rti_keep(c * c)), w.x0, w.x1);
+        d = rti_hypotenuse(x, w.z);
+        h0 = w.y0 / rti_hypotenuse(d, w.y0);
+        h1 = w.y1 / rti_hypotenuse(d, w.y1);
+        h = h0 + rti_keep((double)u[1] * (h1 - h0));
+        y = h * h < 1 ? rti_clamp(h * d / sqrt(1 - rti_keep(h * h)), w.y0, w.y1) : h > 0 ? w.y1 : w.y0;
     }
     return rti_add(from, rti_add(rti_scale(w.x, (float)x), rti_add(rti_scale(w.y, (float)y), rti_scale(w.out, (float)w.z))));
 }
+)
 
+RTI_SHARED(
 static bool rti_has_edges(const rt_light *light) { return rti_largest(light->edges[0]) > 0 || rti_largest(light->edges[1]) > 0; }
 
-/* A point of the light for each surface, in the lanes for the way there. False: it is one point. */
-static bool rti_sample_light(rti_render *r, size_t number, size_t seen)
+static bool rti_has_size(const rt_light *light) { return light->radius > 0 || rti_has_edges(light); }
+)
+
+/* A point of light `number`, which has a size, for a surface: in its lanes for the way there. Answers what the point counts. */
+RTI_SHARED(
+static float rti_sample_light(const rti_film *film, const rti_path *path, const rt_light *light, uint32_t number, float *lanes)
 {
-    const rt_light *light = &r->scene->lights[number];
-    const bool round = light->radius > 0;
-    size_t i;
-    if (!round && !rti_has_edges(light)) return false;
-    for (i = 0; i < seen; i++) {
-        float *lanes = rti_lanes(r->surfaces, i), u[2];
-        const rt_vec3 from = rti_get(lanes, RTI_POINT);
-        rti_draw(r, &r->paths[i], RTI_ON_LIGHTS + (uint32_t)number, u);
-        rti_put(lanes, RTI_TO_LIGHT, round ? rti_on_sphere(light, from, u, &r->shares[i]) : rti_on_rectangle(light, from, u, &r->shares[i]));
-    }
-    return true;
+    const rt_vec3 from = rti_get(lanes, RTI_POINT);
+    float u[2], share;
+    rti_draw(film, path, RTI_ON_LIGHTS + number, u);
+    rti_put(lanes, RTI_TO_LIGHT, light->radius > 0 ? rti_on_sphere(light, from, u, &share) : rti_on_rectangle(light, from, u, &share));
+    return share;
 }
+)
 
 #endif
+
+/* Does it show on a surface if a light reaches it? */
+RTI_SHARED(
+RTI_INLINE bool rti_faces_light(const float *lanes, rt_vec3 tint, const RTI_GLOBAL rt_material *material)
+{
+    if (!(lanes[RTI_COSINE * RTI_ABREAST] > 0)) return false;
+    return rti_any(tint) || (lanes[RTI_HIGHLIGHT * RTI_ABREAST] > 0 && rti_any(material->specular));
+}
+)
+
+/* Adds what a light does that reaches a surface. */
+RTI_SHARED(
+RTI_INLINE void rti_shine(const float *lanes, rt_vec3 tint, rt_vec3 weight, const RTI_GLOBAL rt_material *material, rt_vec3 color,
+                          rt_vec3 *sum)
+{
+    const float highlight = lanes[RTI_HIGHLIGHT * RTI_ABREAST];
+    rti_add_to(sum, rti_scale(tint, lanes[RTI_COSINE * RTI_ABREAST]), color);
+    if (highlight > 0 && rti_any(material->specular))
+        rti_add_to(sum, rti_scale(rti_mul(weight, material->specular), rti_powf(highlight, material->shininess)), color);
+}
+)
 
 /* Adds what the lights make of the surfaces seen. */
 static void rti_light_up(rti_render *r, size_t seen, rti_kind_of_ray kind)
 {
     const rt_scene *scene = r->scene;
-    size_t light, i, m;
+    size_t number, i, m;
     r->job.query = RT_ANY;
     r->job.tuner = &r->tuners[1][kind];
-    for (light = 0; light < scene->light_count; light++) {
-        const rt_vec3 color = scene->lights[light].color;
-        const bool sized = RTI_SAMPLING_OR(rti_sample_light(r, light, seen), false);
-        r->aim(r->surfaces, seen, sized ? NULL : &scene->lights[light].position);
+    for (number = 0; number < scene->light_count; number++) {
+        const rt_light *light = &scene->lights[number];
+        const rt_vec3 color = light->color;
+        const bool sized = RTI_SAMPLING_OR(rti_has_size(light), false);
+#if RTI_SAMPLING
+        for (i = 0; sized && i < seen; i++)
+            r->shares[i] = rti_sample_light(&r->film, &r->paths[i], light, (uint32_t)number, rti_lanes(r->surfaces, i));
+#endif
+        r->aim(r->surfaces, seen, sized ? NULL : &light->position);
         for (i = m = 0; i < seen; i++) {
             const float *lanes = rti_lanes(r->surfaces, i);
-            rt_ray *ray = &r->rays[m];
-            if (!(lanes[RTI_COSINE * RTI_ABREAST] > 0)) continue;
+            if (!rti_faces_light(lanes, r->tints[i], r->materials[i])) continue;
 #if RTI_SAMPLING
             if (sized && !(r->shares[i] > 0)) continue;
-            if (r->timed) r->times[m] = r->paths[i].time;
+            if (r->film.timed) r->times[m] = r->paths[i].time;
 #endif
-            if (!rti_any(r->tints[i]) && !(lanes[RTI_HIGHLIGHT * RTI_ABREAST] > 0 && rti_any(r->materials[i]->specular))) continue;
-            ray->org = rti_get(lanes, RTI_POINT);
-            ray->tmin = 0;
-            ray->dir = rti_get(lanes, RTI_TO_LIGHT);
-            ray->tmax = 1;
+            rti_set_ray(&r->rays[m], rti_get(lanes, RTI_POINT), rti_get(lanes, RTI_TO_LIGHT), 1);
             r->lit[m++] = (unsigned short)i;
         }
         r->batch(scene->accel, &r->job, r->rays, m, r->hits);
         r->counts.shadow += m;
         for (i = 0; i < m; i++) {
             const size_t at = r->lit[i];
-            const float *lanes = rti_lanes(r->surfaces, at), highlight = lanes[RTI_HIGHLIGHT * RTI_ABREAST];
-            const rt_material *material = r->materials[at];
             const rti_path *path = &r->paths[at];
-            rt_vec3 *sum = &r->sums[path->pixel];
             rt_vec3 shone = color;
             if (r->hits[i].prim != RT_NONE) continue;
 #if RTI_SAMPLING
             if (sized) shone = rti_scale(color, r->shares[at]);
 #endif
-            rti_add_to(sum, rti_scale(r->tints[at], lanes[RTI_COSINE * RTI_ABREAST]), shone);
-            if (highlight > 0 && rti_any(material->specular))
-                rti_add_to(sum, rti_scale(rti_mul(path->weight, material->specular), powf(highlight, material->shininess)), shone);
+            rti_shine(rti_lanes(r->surfaces, at), r->tints[at], path->weight, r->materials[at], shone, &r->sums[path->pixel]);
         }
     }
 }
 
 /* The direction behind a surface of a ray that came from view, and the part of the light that is mirrored; false: all of it. eta is the
    index of refraction on this side over that on the other. */
+RTI_SHARED(
 static bool rti_bend(rt_vec3 view, rt_vec3 normal, float eta, rt_vec3 *dir, float *mirrored)
 {
-    const float c = rti_dot(normal, view), sine2 = eta * eta * (1 - c * c), cosine = sqrtf(1 - sine2);
-    const float across = (eta * c - cosine) / (eta * c + cosine), along = (c - eta * cosine) / (c + eta * cosine);
+    const float c = rti_dot(normal, view), sine2 = rti_keepf(eta * eta * (1 - rti_keepf(c * c))), cosine = sqrtf(1 - sine2);
+    const float bent_c = rti_keepf(eta * c), bent_cosine = rti_keepf(eta * cosine);
+    const float across = (bent_c - cosine) / (bent_c + cosine), along = (c - bent_cosine) / (c + bent_cosine);
     if (!(sine2 < 1)) return false;
-    *dir = rti_sub(rti_scale(normal, eta * c - cosine), rti_scale(view, eta));
-    *mirrored = 0.5f * (across * across + along * along);
+    *dir = rti_sub(rti_scale(normal, bent_c - cosine), rti_scale(view, eta));
+    *mirrored = 0.5f * (rti_keepf(across * across) + rti_keepf(along * along));
     return true;
 }
+)
 
-static void rti_wait(rti_render *r, size_t at, rt_vec3 org, rt_vec3 dir, rt_vec3 weight, const rti_path *from, rti_kind_of_ray kind,
-                     const rt_material *medium)
+/* A ray that a surface sends on, and what it carries: from is that of the ray before. */
+RTI_SHARED(
+RTI_INLINE void rti_send(rt_ray *ray, rti_path *path, rt_vec3 org, rt_vec3 dir, rt_vec3 weight, const RTI_GLOBAL rt_material *medium,
+                         const rti_path *from, rti_kind_of_ray kind)
 {
-    rt_ray *ray = &r->waiting_rays[at];
-    rti_path *path = &r->waiting[at];
-    ray->org = org;
-    ray->tmin = 0;
-    ray->dir = dir;
-    ray->tmax = RTI_INFINITY;
+    rti_set_ray(ray, org, dir, RTI_INFINITY);
     *path = *from;
     path->weight = weight;
     path->medium = medium;
+)
 #if RTI_SAMPLING
+RTI_SHARED(
     path->branch = 2 * from->branch + (kind == RTI_REFRACT);
-#else
-    (void)kind;
+)
 #endif
+RTI_SHARED(
+    (void)kind;
 }
+)
+
+/* The rays that a shiny surface sends on: what is mirrored first, then what is refracted. Answers which there are, in bits 0 and 1. */
+RTI_SHARED(
+RTI_NOINLINE unsigned rti_bounce_off(const rti_film *film, const rti_path *path, const RTI_GLOBAL rt_material *material, bool inside,
+                                     const float *lanes, rt_ray *const rays[2], rti_path *const paths[2])
+{
+    const rt_vec3 view = rti_get(lanes, RTI_VIEW), geometric = rti_get(lanes, RTI_GEOMETRIC), org = rti_get(lanes, RTI_POINT);
+    const rt_vec3 transmit = rti_share(material->transmit, material->reflect);
+    rt_vec3 reflect = rti_share(material->reflect, material->transmit), normal = rti_get(lanes, RTI_NORMAL), mirror, through, bent;
+    unsigned sent = 0;
+    (void)film;
+    /* A shading normal that sends the ray to the wrong side of the surface gives way to the geometric one. */
+    mirror = rti_sub(rti_scale(normal, 2 * rti_dot(normal, view)), view);
+    if (!(rti_dot(normal, view) > 0) || !(rti_dot(mirror, geometric) > 0)) {
+        normal = geometric;
+        mirror = rti_sub(rti_scale(normal, 2 * rti_dot(normal, view)), view);
+    }
+    if (rti_any(transmit)) {
+        const float ior = material->ior > 0 ? material->ior : 1, eta = inside ? ior : 1 / ior;
+        float part;
+        bool open = rti_bend(view, normal, eta, &bent, &part);
+        if (open && !(rti_dot(bent, geometric) < 0)) open = rti_bend(view, geometric, eta, &bent, &part);
+        if (!open) part = 1;
+        else if (!material->fresnel) part = 0;
+        reflect = rti_add(reflect, rti_scale(transmit, part));
+        through = rti_mul(path->weight, rti_scale(transmit, 1 - part));
+        if (open && rti_shows(through)) {
+)
+#if RTI_SAMPLING
+RTI_SHARED(
+            if (material->roughness > 0) bent = rti_roughen(film, path, RTI_ON_LOBE + 0x10000u, material->roughness, bent, geometric, -1);
+)
+#endif
+RTI_SHARED(
+            rti_send(rays[1], paths[1], rti_sub(org, rti_scale(geometric, 2 * lanes[RTI_OFFSET * RTI_ABREAST])), bent, through,
+                     inside ? NULL : material, path, RTI_REFRACT);
+            sent = 2;
+        }
+    }
+    reflect = rti_mul(reflect, path->weight);
+    if (rti_shows(reflect)) {
+)
+#if RTI_SAMPLING
+RTI_SHARED(
+        if (material->roughness > 0) mirror = rti_roughen(film, path, RTI_ON_LOBE, material->roughness, mirror, geometric, 1);
+)
+#endif
+RTI_SHARED(
+        rti_send(rays[0], paths[0], org, mirror, reflect, path->medium, path, RTI_REFLECT);
+        sent |= 1;
+    }
+    return sent;
+}
+)
 
 /* Sends rays from the shiny surfaces to the stack: what is mirrored below what is refracted, so that no mirror moves them. */
 static void rti_bounce(rti_render *r, int level)
@@ -6363,42 +6927,12 @@ static void rti_bounce(rti_render *r, int level)
     RT_ASSERT(base + 2 * most <= r->waiting_space);
     for (i = 0; i < most; i++) {
         const size_t at = r->shiny[i];
-        const rt_material *material = r->materials[at];
-        const rti_path *path = &r->paths[at];
-        const float *lanes = rti_lanes(r->surfaces, at);
-        const rt_vec3 view = rti_get(lanes, RTI_VIEW), geometric = rti_get(lanes, RTI_GEOMETRIC), org = rti_get(lanes, RTI_POINT);
-        const rt_vec3 transmit = rti_share(material->transmit, material->reflect);
-        rt_vec3 reflect = rti_share(material->reflect, material->transmit), normal = rti_get(lanes, RTI_NORMAL), mirror, through, bent;
-        /* A shading normal that sends the ray to the wrong side of the surface gives way to the geometric one. */
-        mirror = rti_sub(rti_scale(normal, 2 * rti_dot(normal, view)), view);
-        if (!(rti_dot(normal, view) > 0) || !(rti_dot(mirror, geometric) > 0)) {
-            normal = geometric;
-            mirror = rti_sub(rti_scale(normal, 2 * rti_dot(normal, view)), view);
-        }
-        if (rti_any(transmit)) {
-            const float ior = material->ior > 0 ? material->ior : 1, eta = r->inside[at] ? ior : 1 / ior;
-            float mirrored;
-            bool open = rti_bend(view, normal, eta, &bent, &mirrored);
-            if (open && !(rti_dot(bent, geometric) < 0)) open = rti_bend(view, geometric, eta, &bent, &mirrored);
-            if (!open) mirrored = 1;
-            else if (!material->fresnel) mirrored = 0;
-            reflect = rti_add(reflect, rti_scale(transmit, mirrored));
-            through = rti_mul(path->weight, rti_scale(transmit, 1 - mirrored));
-            if (open && rti_shows(through)) {
-#if RTI_SAMPLING
-                if (material->roughness > 0) bent = rti_roughen(r, path, RTI_ON_LOBE + 0x10000u, material->roughness, bent, geometric, -1);
-#endif
-                rti_wait(r, base + most + refracted++, rti_sub(org, rti_scale(geometric, 2 * lanes[RTI_OFFSET * RTI_ABREAST])), bent,
-                         through, path, RTI_REFRACT, r->inside[at] ? NULL : material);
-            }
-        }
-        reflect = rti_mul(reflect, path->weight);
-        if (rti_shows(reflect)) {
-#if RTI_SAMPLING
-            if (material->roughness > 0) mirror = rti_roughen(r, path, RTI_ON_LOBE, material->roughness, mirror, geometric, 1);
-#endif
-            rti_wait(r, base + reflected++, org, mirror, reflect, path, RTI_REFLECT, path->medium);
-        }
+        rt_ray *const rays[2] = { r->waiting_rays + base + reflected, r->waiting_rays + base + most + refracted };
+        rti_path *const paths[2] = { r->waiting + base + reflected, r->waiting + base + most + refracted };
+        const unsigned sent = rti_bounce_off(&r->film, &r->paths[at], r->materials[at], r->inside[at], rti_lanes(r->surfaces, at), rays,
+                                             paths);
+        reflected += sent & 1;
+        refracted += sent >> 1;
     }
     if (reflected < most) {
         memmove(r->waiting_rays + base + reflected, r->waiting_rays + base + most, refracted * sizeof *r->waiting_rays);
@@ -6431,7 +6965,7 @@ static size_t rti_take(rti_render *r)
     memcpy(r->rays, r->waiting_rays + r->waiting_count, count * sizeof *r->rays);
     memcpy(r->paths, r->waiting + r->waiting_count, count * sizeof *r->paths);
 #if RTI_SAMPLING
-    if (r->timed) {
+    if (r->film.timed) {
         size_t i;
         for (i = 0; i < count; i++) r->times[i] = r->paths[i].time;
     }
@@ -6442,6 +6976,7 @@ static size_t rti_take(rti_render *r)
 #define RTI_MAX_SPP  (1 << 20)              /* RT_MAX_SPP, which RT_NO_SAMPLING leaves out */
 
 /* Offset of sample i of n in a pixel: the middle, a grid, or the R2 sequence (Roberts 2018) where n is no square. */
+RTI_SHARED(
 static void rti_subpixel(int i, int n, float *x, float *y)
 {
     int side = 1;
@@ -6450,11 +6985,12 @@ static void rti_subpixel(int i, int n, float *x, float *y)
         *x = ((float)(i % side) + 0.5f) / (float)side;
         *y = ((float)(i / side) + 0.5f) / (float)side;
     } else {
-        double a = 0.5 + 0.7548776662466927 * (double)i, b = 0.5 + 0.5698402909980532 * (double)i;
+        double a = 0.5 + rti_keep(0.7548776662466927 * (double)i), b = 0.5 + rti_keep(0.5698402909980532 * (double)i);
         *x = (float)(a - floor(a));
         *y = (float)(b - floor(b));
     }
 }
+)
 
 /* Every other bit of a Morton code of two 5-bit coordinates. */
 static unsigned rti_unzip(unsigned code)
@@ -6465,36 +7001,44 @@ static unsigned rti_unzip(unsigned code)
     return (code | code >> 4) & 0x1f;
 }
 
+RTI_SHARED(
+RTI_INLINE void rti_start_path(rti_path *path, uint32_t pixel, float time)
+{
+    path->weight = rti_vec3(1, 1, 1);
+    path->pixel = pixel;
+    path->medium = NULL;
+    path->width = 0;
+)
+#if RTI_SAMPLING
+RTI_SHARED(
+    path->time = time;
+    path->branch = 1;
+)
+#endif
+RTI_SHARED(
+    (void)time;
+}
+)
+
 /* The eye rays of a block through (dx, dy) of each pixel, in Morton order, so that those which follow each other are neighbours. */
 static size_t rti_look(rti_render *r, const int box[4], float dx, float dy)
 {
     const unsigned width = (unsigned)(box[2] - box[0]), height = (unsigned)(box[3] - box[1]), side = (unsigned)r->side;
-    const rt_vec3 eye = r->view.eye;
+    const rti_view *view = &r->film.view;
+    const rt_vec3 eye = view->eye, corner = view->corner;
     rt_vec3 right[RTI_MAX_BLOCK], down[RTI_MAX_BLOCK];
     rt_ray *ray = r->rays;
     rti_path *path = r->paths;
     unsigned i, k;
-    for (i = 0; i < width; i++) right[i] = rti_steps(r->view.right, (float)(box[0] + (int)i) + dx);
-    for (i = 0; i < height; i++) down[i] = rti_steps(r->view.down, (float)(box[1] + (int)i) + dy);
+    for (i = 0; i < width; i++) right[i] = rti_scale(view->right, (float)(box[0] + (int)i) + dx);
+    for (i = 0; i < height; i++) down[i] = rti_scale(view->down, (float)(box[1] + (int)i) + dy);
     for (i = 0; i < side * side / 4; i++) {
         const unsigned left = 2 * rti_unzip(i), top = 2 * rti_unzip(i >> 1);
         for (k = 0; k < 4; k++) {
             const unsigned x = left + k % 2, y = top + k / 2;
             if (x >= width || y >= height) continue;
-            ray->org = eye;
-            ray->tmin = 0;
-            ray->dir = rti_add(r->view.corner, rti_add(right[x], down[y]));     /* the arithmetic of rti_view_ray */
-            ray->tmax = RTI_INFINITY;
-            ray++;
-            path->weight = rti_vec3(1, 1, 1);
-            path->pixel = y * side + x;
-            path->medium = NULL;
-            path->width = 0;
-#if RTI_SAMPLING
-            path->branch = 1;
-            path->time = r->open;
-#endif
-            path++;
+            rti_set_ray(ray++, eye, rti_add(corner, rti_add(right[x], down[y])), RTI_INFINITY);     /* the arithmetic of rti_view_ray */
+            rti_start_path(path++, y * side + x, RTI_SAMPLING_OR(r->film.open, 0));
         }
     }
     return (size_t)(ray - r->rays);
@@ -6502,64 +7046,61 @@ static size_t rti_look(rti_render *r, const int box[4], float dx, float dy)
 
 #if RTI_SAMPLING
 /* A coordinate in the pixel, whose middle is 0.5, as dense as the filter. */
+RTI_SHARED(
 static float rti_filtered(rt_filter filter, float u)
 {
     if (filter == RT_FILTER_TENT) return u < 0.5f ? sqrtf(2 * u) - 0.5f : 1.5f - sqrtf(2 - 2 * u);
     if (filter == RT_FILTER_GAUSSIAN) {     /* the inverse of the error function (Giles 2010), between -+ 3 deviations */
-        const float x = 0.997300204f * (2 * u - 1), w = -logf((1 - x) * (1 + x));
+        const float x = rti_keepf(0.997300204f * (2 * u - 1)), w = -rti_logf((1 - x) * (1 + x));
         const float a = w - 2.5f, b = sqrtf(w) - 3;
         float p;
         if (w < 5) {
             p = 2.81022636e-08f;
-            p = 3.43273939e-07f + p * a;
-            p = -3.5233877e-06f + p * a;
-            p = -4.39150654e-06f + p * a;
-            p = 0.00021858087f + p * a;
-            p = -0.00125372503f + p * a;
-            p = -0.00417768164f + p * a;
-            p = 0.246640727f + p * a;
-            p = 1.50140941f + p * a;
+            p = 3.43273939e-07f + rti_keepf(p * a);
+            p = -3.5233877e-06f + rti_keepf(p * a);
+            p = -4.39150654e-06f + rti_keepf(p * a);
+            p = 0.00021858087f + rti_keepf(p * a);
+            p = -0.00125372503f + rti_keepf(p * a);
+            p = -0.00417768164f + rti_keepf(p * a);
+            p = 0.246640727f + rti_keepf(p * a);
+            p = 1.50140941f + rti_keepf(p * a);
         } else {
             p = -0.000200214257f;
-            p = 0.000100950558f + p * b;
-            p = 0.00134934322f + p * b;
-            p = -0.00367342844f + p * b;
-            p = 0.00573950773f + p * b;
-            p = -0.0076224613f + p * b;
-            p = 0.00943887047f + p * b;
-            p = 1.00167406f + p * b;
-            p = 2.83297682f + p * b;
+            p = 0.000100950558f + rti_keepf(p * b);
+            p = 0.00134934322f + rti_keepf(p * b);
+            p = -0.00367342844f + rti_keepf(p * b);
+            p = 0.00573950773f + rti_keepf(p * b);
+            p = -0.0076224613f + rti_keepf(p * b);
+            p = 0.00943887047f + rti_keepf(p * b);
+            p = 1.00167406f + rti_keepf(p * b);
+            p = 2.83297682f + rti_keepf(p * b);
         }
-        return 0.5f + 0.707106781f * p * x;
+        return 0.5f + rti_keepf(0.707106781f * p * x);
     }
     return u;
 }
+)
 
-/* Gives the eye rays of a block what each has of its own: its point in the pixel and on the lens, and its time. */
-static void rti_spread(rti_render *r, size_t count)
+/* Gives an eye ray what it has of its own: its point in the pixel and on the lens, and its time. */
+RTI_SHARED(
+RTI_INLINE void rti_spread(const rti_film *film, rti_path *path, rt_ray *ray)
 {
-    size_t i;
-    for (i = 0; i < count; i++) {
-        rti_path *path = &r->paths[i];
-        rt_ray *ray = &r->rays[i];
-        float u[2];
-        if (r->spread) {
-            rti_draw(r, path, RTI_ON_PIXEL, u);
-            *ray = rti_view_ray(&r->view, (float)(r->left + (int)(path->pixel % (uint32_t)r->side)) + rti_filtered(r->filter, u[0]),
-                                (float)(r->top + (int)(path->pixel / (uint32_t)r->side)) + rti_filtered(r->filter, u[1]));
-        }
-        if (r->lens.open) {
-            rti_draw(r, path, RTI_ON_LENS, u);
-            rti_through_lens(&r->lens, u, ray);
-        }
-        if (!r->timed) continue;
-        if (r->length > 0) {
-            rti_draw(r, path, RTI_IN_TIME, u);
-            path->time = r->open + r->length * u[0];
-        }
-        r->times[i] = path->time;
+    float u[2];
+    if (film->spread) {
+        rti_draw(film, path, RTI_ON_PIXEL, u);
+        *ray = rti_view_ray(&film->view, (float)(film->left + path->pixel % film->side) + rti_filtered(film->filter, u[0]),
+                            (float)(film->top + path->pixel / film->side) + rti_filtered(film->filter, u[1]));
+    }
+    if (film->lens.open) {
+        rti_draw(film, path, RTI_ON_LENS, u);
+        rti_through_lens(&film->lens, u, ray);
+    }
+    if (film->timed && film->length > 0) {
+        rti_draw(film, path, RTI_IN_TIME, u);
+        path->time = film->open + rti_keepf(film->length * u[0]);
     }
 }
+)
 #endif
 
 /* One sample of every pixel of a block, added to the sums. */
@@ -6571,11 +7112,14 @@ static void rti_render_block(rti_render *r, const int box[4], int sample)
     float dx, dy;
     rti_subpixel(sample, r->spp, &dx, &dy);
     n = rti_look(r, box, dx, dy);
+    r->film.left = (uint32_t)box[0];
+    r->film.top = (uint32_t)box[1];
 #if RTI_SAMPLING
-    r->left = box[0];
-    r->top = box[1];
-    r->sample = (uint32_t)sample;
-    if (r->spread || r->lens.open || r->timed) rti_spread(r, n);
+    r->film.sample = (uint32_t)sample;
+    for (i = 0; i < n && (r->film.spread || r->film.lens.open || r->film.timed); i++) {
+        rti_spread(&r->film, &r->paths[i], &r->rays[i]);
+        r->times[i] = r->paths[i].time;
+    }
 #endif
     r->counts.primary += n;
     if (r->raster) {
@@ -6622,6 +7166,7 @@ static void rti_render_blocks(rti_render *r, char *memory, const int tile[4], in
 {
     const size_t count = (size_t)r->side * (size_t)r->side;
     int box[4], sample, x, y;
+    r->film.side = (uint32_t)r->side;
     r->rays = (rt_ray *)rti_carve(&memory, count, sizeof *r->rays);
     r->hits = (rt_hit *)rti_carve(&memory, count, sizeof *r->hits);
     r->paths = (rti_path *)rti_carve(&memory, count, sizeof *r->paths);
@@ -6636,7 +7181,7 @@ static void rti_render_blocks(rti_render *r, char *memory, const int tile[4], in
 #if RTI_SAMPLING
     r->times = (float *)rti_carve(&memory, count, sizeof *r->times);
     r->shares = (float *)rti_carve(&memory, count, sizeof *r->shares);
-    if (r->timed) r->job.times = r->times;
+    if (r->film.timed) r->job.times = r->times;
 #endif
     r->waiting_space = RTI_WAITING(count);
     r->waiting_rays = (rt_ray *)rti_carve(&memory, r->waiting_space, sizeof *r->waiting_rays);
@@ -6802,22 +7347,36 @@ static rt_status rti_check_distribution(const rt_render_options *opt)
     return RT_OK;
 }
 
-static void rti_set_distribution(rti_render *r, const rt_scene *scene, const rt_render_options *opt)
+static void rti_set_distribution(rti_film *film, const rt_scene *scene, const rt_render_options *opt, int spp)
 {
-    r->sampler.kind = opt->sampler;
-    r->sampler.spp = (uint32_t)r->spp;
-    r->sampler.seed = opt->seed;
-    r->sampler.frame = opt->frame;
-    r->filter = opt->filter;
-    r->spread = opt->sampler != RT_SAMPLER_AUTO || opt->filter != RT_FILTER_BOX;
-    r->lens = rti_make_aperture(&scene->camera, &r->view, &opt->lens);
+    film->sampler.kind = opt->sampler;
+    film->sampler.spp = (uint32_t)spp;
+    film->sampler.seed = opt->seed;
+    film->sampler.frame = opt->frame;
+    film->filter = opt->filter;
+    film->spread = opt->sampler != RT_SAMPLER_AUTO || opt->filter != RT_FILTER_BOX;
+    film->lens = rti_make_aperture(&scene->camera, &film->view, &opt->lens);
 #if RTI_INSTANCES
-    r->timed = opt->lens.close > 0 && scene->accel->moves;
+    film->timed = opt->lens.close > 0 && scene->accel->moves;
 #endif
-    r->open = opt->lens.open;
-    r->length = opt->lens.close - opt->lens.open;
+    film->open = opt->lens.open;
+    film->length = opt->lens.close - opt->lens.open;
 }
 #endif
+
+static void rti_set_world(rti_render *r, const rt_scene *scene, int width, int height)
+{
+    r->scene = scene;
+    r->film.view = rti_make_view(&scene->camera, width, height);
+    r->world.shape = rti_shape_of(scene);
+    r->world.ambient = scene->ambient;
+    r->world.background = scene->background;
+    r->world.angle = sqrtf(rti_dot(r->film.view.right, r->film.view.right) / (float)r->spp);
+#if RTI_INSTANCES
+    r->world.accel = scene->accel;
+    r->world.part = scene;
+#endif
+}
 
 /* The kernels of the widest packets. */
 static void rti_choose_shaders(rti_render *r, rt_isa isa)
@@ -6870,15 +7429,13 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
     rti_choose_shaders(&r, opt->trace.isa);
     r.tuners[0][RTI_EYE].cost[0] = 1;       /* a tile is too short to try what never was slower by much: eye rays go as large packets */
     r.tuners[0][RTI_EYE].rest = UINT_MAX;
-    r.scene = scene;
     r.raster = opt->raster;
-    r.view = rti_make_view(&scene->camera, opt->width, opt->height);
     r.spp = opt->spp ? opt->spp : 1;
     r.depth = opt->depth > 0 ? opt->depth : opt->depth ? 0 : RTI_DEPTH;
-    r.angle = sqrtf(rti_dot(r.view.right, r.view.right) / (float)r.spp);
+    rti_set_world(&r, scene, opt->width, opt->height);
     r.job.times = NULL;
 #if RTI_SAMPLING
-    rti_set_distribution(&r, scene, opt);
+    rti_set_distribution(&r.film, scene, opt, r.spp);
 #endif
     if (opt->trace.packet_width > RTI_BLOCK) rti_render_large(&r, tile, opt->width, pixels);
     else rti_render_small(&r, tile, opt->width, pixels);
@@ -8521,9 +9078,10 @@ RTI_NOINLINE RTI_TARGET uint32_t rti_thread_leave(rti_thread_state *s, const rt_
         s->live[g] = live[g];
     }
     for (;;) {
+        const rti_family family = rti_family_of(accel);
         const rti_instance *in;
-        slot = accel->instance_slots[rti_find_instance(accel, path)];
-        in = &accel->instances[slot];
+        slot = family.slots[rti_find_instance(&family, path)];
+        in = &family.instances[slot];
         path = path - in->base - 1;
         if (path == RT_NONE) break;
         for (g = 0; g < groups; g++)
@@ -10258,6 +10816,8 @@ RTI_NOINLINE RTI_TARGET void rti_cover(const rt_raster *r, const rti_block *b)
 #define rti_vflip RTI_NAME_(rti_vflip)
 #define rti_vload3 RTI_NAME_(rti_vload3)
 #define rti_vstore3 RTI_NAME_(rti_vstore3)
+#define rti_finish_lanes RTI_NAME_(rti_finish_lanes)
+#define rti_aim_lanes RTI_NAME_(rti_aim_lanes)
 #define rti_finish RTI_NAME_(rti_finish)
 #define rti_aim RTI_NAME_(rti_aim)
 
@@ -10271,14 +10831,17 @@ RTI_FN rti_v rti_vsqrt(rti_v a) { return _mm_sqrt_ps(a); }
 RTI_FN rti_v rti_vsqrt(rti_v a) { return _mm256_sqrt_ps(a); }
 #endif
 
+RTI_SHARED(
 RTI_FN rti_v rti_vdot(const rti_v a[3], const rti_v b[3])
 {
     return rti_vadd(rti_vadd(rti_vround(rti_vmul(a[0], b[0])), rti_vround(rti_vmul(a[1], b[1]))), rti_vround(rti_vmul(a[2], b[2])));
 }
 
 RTI_FN rti_v rti_vlargest(const rti_v a[3]) { return rti_vmax(rti_vmax(rti_vabs(a[0]), rti_vabs(a[1])), rti_vabs(a[2])); }
+)
 
 /* As rti_normalize. */
+RTI_SHARED(
 RTI_FN void rti_vunit(rti_v a[3])
 {
     const rti_v least = rti_vset(FLT_MIN), one = rti_vset(1);
@@ -10288,8 +10851,10 @@ RTI_FN void rti_vunit(rti_v a[3])
     scale = rti_vdiv(one, rti_vsqrt(rti_vmax(rti_vdot(a, a), least)));
     for (k = 0; k < 3; k++) a[k] = rti_vmul(a[k], scale);
 }
+)
 
 /* Turns a round where sign is negative. */
+RTI_SHARED(
 RTI_FN void rti_vflip(rti_v a[3], rti_v sign)
 {
     const rti_v side = rti_vsign(rti_vset(1), sign);
@@ -10308,64 +10873,75 @@ RTI_FN void rti_vstore3(float *lanes, int lane, const rti_v a[3])
     int k;
     for (k = 0; k < 3; k++) rti_vstore(lanes + (lane + k) * RTI_ABREAST, a[k]);
 }
+)
 
 /* From what is gathered to what rti_lane says of each surface. */
+RTI_SHARED(
+RTI_FN void rti_finish_lanes(float *lanes)
+{
+    rti_v point[3], view[3], geometric[3], normal[3], offset;
+    int k;
+    rti_vload3(lanes, RTI_POINT, point);
+    rti_vload3(lanes, RTI_VIEW, view);
+    rti_vload3(lanes, RTI_GEOMETRIC, geometric);
+    rti_vload3(lanes, RTI_NORMAL, normal);
+    offset = rti_vmul(rti_vload(lanes + RTI_OFFSET * RTI_ABREAST), rti_vset(3e-6f));     /* some 50 rounding errors */
+    for (k = 0; k < 3; k++) view[k] = rti_vsub(rti_vset(0), view[k]);
+    rti_vunit(view);
+    rti_vunit(geometric);
+    rti_vunit(normal);
+    rti_vflip(geometric, rti_vdot(geometric, view));
+    rti_vflip(normal, rti_vdot(normal, geometric));
+    for (k = 0; k < 3; k++) point[k] = rti_vadd(point[k], rti_vround(rti_vmul(geometric[k], offset)));
+    rti_vstore3(lanes, RTI_POINT, point);
+    rti_vstore3(lanes, RTI_VIEW, view);
+    rti_vstore3(lanes, RTI_GEOMETRIC, geometric);
+    rti_vstore3(lanes, RTI_NORMAL, normal);
+    rti_vstore(lanes + RTI_OFFSET * RTI_ABREAST, offset);
+}
+)
 RTI_NOINLINE RTI_TARGET void rti_finish(rti_surfaces *s, size_t count)
 {
     size_t at;
-    for (at = 0; at < count; at += RTI_WIDTH) {
-        float *const lanes = s[at / RTI_ABREAST].lanes + at % RTI_ABREAST;
-        rti_v point[3], view[3], geometric[3], normal[3], offset;
-        int k;
-        rti_vload3(lanes, RTI_POINT, point);
-        rti_vload3(lanes, RTI_VIEW, view);
-        rti_vload3(lanes, RTI_GEOMETRIC, geometric);
-        rti_vload3(lanes, RTI_NORMAL, normal);
-        offset = rti_vmul(rti_vload(lanes + RTI_OFFSET * RTI_ABREAST), rti_vset(3e-6f));     /* some 50 rounding errors */
-        for (k = 0; k < 3; k++) view[k] = rti_vsub(rti_vset(0), view[k]);
-        rti_vunit(view);
-        rti_vunit(geometric);
-        rti_vunit(normal);
-        rti_vflip(geometric, rti_vdot(geometric, view));
-        rti_vflip(normal, rti_vdot(normal, geometric));
-        for (k = 0; k < 3; k++) point[k] = rti_vadd(point[k], rti_vround(rti_vmul(geometric[k], offset)));
-        rti_vstore3(lanes, RTI_POINT, point);
-        rti_vstore3(lanes, RTI_VIEW, view);
-        rti_vstore3(lanes, RTI_GEOMETRIC, geometric);
-        rti_vstore3(lanes, RTI_NORMAL, normal);
-        rti_vstore(lanes + RTI_OFFSET * RTI_ABREAST, offset);
-    }
+    for (at = 0; at < count; at += RTI_WIDTH) rti_finish_lanes(s[at / RTI_ABREAST].lanes + at % RTI_ABREAST);
 }
 
-/* What one light does to each surface that it may reach. */
+/* What one light, there, does to each surface that it may reach. */
+RTI_SHARED(
+RTI_FN void rti_aim_lanes(float *lanes, const rti_v there[3])
+{
+    const rti_v zero = rti_vset(0);
+    rti_v point[3], view[3], geometric[3], normal[3], to[3], cosine, mirrored;
+    unsigned before;
+    int k;
+    rti_vload3(lanes, RTI_POINT, point);
+    rti_vload3(lanes, RTI_VIEW, view);
+    rti_vload3(lanes, RTI_GEOMETRIC, geometric);
+    rti_vload3(lanes, RTI_NORMAL, normal);
+    for (k = 0; k < 3; k++) to[k] = rti_vsub(there[k], point[k]);
+    rti_vstore3(lanes, RTI_TO_LIGHT, to);
+    rti_vunit(to);
+    cosine = rti_vdot(normal, to);
+    before = rti_vlt(zero, rti_vdot(geometric, to));
+    mirrored = rti_vmul(rti_vadd(cosine, cosine), rti_vdot(normal, view));
+    rti_vstore(lanes + RTI_COSINE * RTI_ABREAST, rti_vselect(before, cosine, zero));
+    rti_vstore(lanes + RTI_HIGHLIGHT * RTI_ABREAST, rti_vsub(rti_vround(mirrored), rti_vdot(to, view)));
+}
+)
 RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec3 *light)
 {
     const rti_v zero = rti_vset(0);
-    rti_v place[3] = { zero, zero, zero };
+    rti_v there[3] = { zero, zero, zero };
     size_t at;
     if (light) {
-        place[0] = rti_vset(light->x);
-        place[1] = rti_vset(light->y);
-        place[2] = rti_vset(light->z);
+        there[0] = rti_vset(light->x);
+        there[1] = rti_vset(light->y);
+        there[2] = rti_vset(light->z);
     }
     for (at = 0; at < count; at += RTI_WIDTH) {
         float *const lanes = s[at / RTI_ABREAST].lanes + at % RTI_ABREAST;
-        rti_v point[3], view[3], geometric[3], normal[3], to[3], cosine, mirrored;
-        unsigned before;
-        int k;
-        rti_vload3(lanes, RTI_POINT, point);
-        rti_vload3(lanes, RTI_VIEW, view);
-        rti_vload3(lanes, RTI_GEOMETRIC, geometric);
-        rti_vload3(lanes, RTI_NORMAL, normal);
-        if (!light) rti_vload3(lanes, RTI_TO_LIGHT, place);
-        for (k = 0; k < 3; k++) to[k] = rti_vsub(place[k], point[k]);
-        rti_vstore3(lanes, RTI_TO_LIGHT, to);
-        rti_vunit(to);
-        cosine = rti_vdot(normal, to);
-        before = rti_vlt(zero, rti_vdot(geometric, to));
-        mirrored = rti_vmul(rti_vadd(cosine, cosine), rti_vdot(normal, view));
-        rti_vstore(lanes + RTI_COSINE * RTI_ABREAST, rti_vselect(before, cosine, zero));
-        rti_vstore(lanes + RTI_HIGHLIGHT * RTI_ABREAST, rti_vsub(rti_vround(mirrored), rti_vdot(to, view)));
+        if (!light) rti_vload3(lanes, RTI_TO_LIGHT, there);
+        rti_aim_lanes(lanes, there);
     }
 }
 
@@ -10376,6 +10952,8 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec
 #undef rti_vflip
 #undef rti_vload3
 #undef rti_vstore3
+#undef rti_finish_lanes
+#undef rti_aim_lanes
 #undef rti_finish
 #undef rti_aim
 

@@ -92,6 +92,8 @@ typedef struct { float t, u, v; uint32_t prim, inst; } rt_hit;
 typedef struct { rt_vec3 move, pivot, axis; float angle; } rt_motion;
 RTI_FN float rti_roundf(float x) { return x; }
 RTI_FN double rti_round(double x) { return x; }
+RTI_FN float rti_keepf(float x) { return x; }
+RTI_FN double rti_keep(double x) { return x; }
 typedef int rt_query;
 typedef int rt_algorithm;
 typedef struct { rt_query query; rt_algorithm algorithm; int entries; } rti_job;

@@ -4959,17 +4959,69 @@ static void rtt_test_render_ways(void)
         memset(&r, 0, sizeof r);
         memset(&trace, 0, sizeof trace);
         memset(got, 0xff, sizeof got);
-        r.scene = &stage.scene;
         stage.scene.accel = stage.accel;
         CHECK_STATUS(rti_choose(stage.accel, &trace, RTI_BLOCK_RAYS, &r.batch, &r.job), RT_OK);
         rti_choose_shaders(&r, RT_ISA_AUTO);
-        r.view = rti_make_view(&stage.scene.camera, WIDTH, HEIGHT);
         r.spp = 1, r.depth = 7;
+        rti_set_world(&r, &stage.scene, WIDTH, HEIGHT);
         rti_render_large(&r, tile, WIDTH, got);
         CHECK(memcmp(want, got, sizeof want) == 0 && memcmp(&first, &r.counts, sizeof first) == 0);
     }
     rtt_accels_free(&accels);
     rtt_stage_free(&stage);
+}
+
+/* In units of the last place of a float of that size, or, below the normal ones, of their last place. */
+static double rtt_ulps(float got, double want)
+{
+    int exponent;
+
+    frexp(want, &exponent);
+    return fabs((double)got - want) / ldexp(1, (exponent < -125 ? -125 : exponent) - 24);
+}
+
+/* The functions of >>math against the C library's: errors, and what is special. */
+static void rtt_test_shading_math(void)
+{
+    rtt_random random = rtt_stream();
+    double worst[5] = { 0, 0, 0, 0, 0 };
+
+    for (int i = 0; i < 200000; i++) {
+        const float a = rtt_signed(&random), b = rtt_signed(&random), x = i % 2 ? 87 * a : a, p = 100 * fabsf(b);
+        const float y = ldexpf(1 + fabsf(a), i % 250 - 126), turn = fabsf(a);
+        const double power = pow(fabs((double)a), (double)p);
+        float sine, cosine;
+
+        worst[0] = fmax(worst[0], rtt_ulps(rti_expf(x), exp((double)x)));
+        worst[1] = fmax(worst[1], rtt_ulps(rti_powf(fabsf(a), p), power));
+        worst[2] = fmax(worst[2], rtt_ulps(rti_atan2f(a, b), atan2((double)a, (double)b)));
+        worst[3] = fmax(worst[3], fabs(rti_arc_tangent_ratio((double)a, (double)b) - atan2((double)a, (double)b)));
+#ifndef RT_NO_SAMPLING
+        worst[0] = fmax(worst[0], rtt_ulps(rti_logf(y), log((double)y)));
+        worst[3] = fmax(worst[3], fabs(rti_sum_arcs((double)a, (double)b) - acos((double)a) - acos((double)b)) / 4);
+        rti_circle(turn, &sine, &cosine);
+        worst[4] = fmax(worst[4], fmax(fabs((double)sine - sin(6.283185307179586 * (double)turn)), fabs((double)cosine - cos(6.283185307179586 * (double)turn))));
+#else
+        (void)y, (void)turn, (void)sine, (void)cosine;
+#endif
+    }
+    if (!(worst[0] < 0.52 && worst[1] < 0.52 && worst[2] < 0.52 && worst[3] < 1e-15 && worst[4] < 2e-7))
+        rtt_fail("errors of %g, %g, %g ulps, %g, %g", worst[0], worst[1], worst[2], worst[3], worst[4]);
+    CHECK(rti_expf(0) == 1 && rti_expf(-INFINITY) == 0 && rti_expf(INFINITY) == INFINITY && isnan(rti_expf(NAN)) && rti_expf(-200) == 0);
+    CHECK(rti_powf(0, 0) == 1 && rti_powf(0, 2) == 0 && rti_powf(1, INFINITY) == 1 && rti_powf(0.5f, INFINITY) == 0 && rti_powf(INFINITY, 2) == INFINITY);
+    CHECK(rti_powf(0.3f, 1) == 0.3f && rti_powf(1, 5) == 1 && isnan(rti_powf(NAN, 2)) && rti_powf(1e-40f, 0.5f) > 0);
+    CHECK(rti_log(1) == 0 && rti_log(0) == -HUGE_VAL && isnan(rti_log(-1)) && isnan(rti_log((double)NAN)) && rti_log(HUGE_VAL) == HUGE_VAL);
+    CHECK(rti_atan2f(0, 0) == 0 && rti_atan2f(0, -1) == 3.14159265f && rti_atan2f(-0.0f, -1) == -3.14159265f && rti_atan2f(0, 1) == 0);
+    CHECK(rti_atan2f(1, 0) == 1.57079633f && rti_atan2f(-1, 0) == -1.57079633f && rti_atan2f(1, 1) == 0.785398163f && signbit(rti_atan2f(-0.0f, 1)));
+#ifndef RT_NO_SAMPLING
+    for (int i = 0; i <= 8; i++) {
+        float sine, cosine;
+
+        rti_circle(0.125f * (float)i, &sine, &cosine);
+        CHECK(i % 2 ? fabsf(fabsf(sine) - 0.707106781f) < 1e-6f : sine == (float)((i == 2) - (i == 6)) && cosine == (float)((i % 8 == 0) - (i == 4)));
+    }
+    CHECK(rti_sum_arcs(1, 1) == 0 && fabs(rti_sum_arcs(-1, -1) - 6.283185307179586) < 1e-15 && fabs(rti_sum_arcs(-1, 1) - 3.141592653589793) < 1e-15);
+#endif
 }
 
 /* rt_check_scene names what is wrong. */
@@ -8410,7 +8462,7 @@ static void rtt_test_texture_mapping(void)
     const float uv[] = { 0, 0, 2, 0, 0, 3 };
     const uint32_t given[] = { 0, 1, 2 }, none[] = { RT_NONE, 0, 0 };
     rtt_random random = rtt_stream();
-    rt_scene seen;
+    rti_shape seen;
     rt_hit hit;
     rti_mapping m;
 
@@ -9506,6 +9558,7 @@ static const rtt_test rtt_tests[] = {
     { "programs.imp", rtt_test_imp },
     { "programs.animate", rtt_test_animate },
     { "shading.large-triangles", rtt_test_large_triangles },
+    { "shading.math", rtt_test_shading_math },
     { "shading.camera", rtt_test_camera },
     { "shading.render", rtt_test_render },
     { "shading.instances", rtt_test_render_instances },
