@@ -28,7 +28,7 @@ opencl = @ls /etc/OpenCL/vendors/*.icd >/dev/null 2>&1 || $(SUDO) apt-get instal
           { $(SUDO) apt-get update -q >/dev/null 2>&1; $(SUDO) apt-get install -y -q pocl-opencl-icd ocl-icd-libopencl1 >/dev/null 2>&1; } || \
           { echo "make: OpenCL is missing and cannot be installed from here: install pocl-opencl-icd and ocl-icd-libopencl1"; exit 1; }
 
-all: $(B)/render $(B)/animate $(B)/hello $(B)/bench $(B)/rt_test
+all: $(B)/render $(B)/animate $(B)/hello $(B)/gpu_hello $(B)/bench $(B)/rt_test
 
 COMPILE = $(CC) -std=c99 $(WARN) $(FLAGS_$(config)) $(CFLAGS) -I. -MMD -MP -MF $@.d -o $@ $<
 $(B)/%: examples/%.c | $(B)

@@ -5800,19 +5800,22 @@ static char *rtt_read_project(const char *name)
     return NULL;
 }
 
-/* Compiles source beside a copy of rt.h in a folder of its own, runs it there, and hands back what it printed; NULL on failure. */
+/* Compiles source beside copies of the headers in a folder of its own, runs it there, and hands back what it printed; NULL on failure. */
 static char *rtt_compile_and_run(const char *source, char *output, size_t room)
 {
     char folder[] = "/tmp/rt_test.XXXXXX", command[1024];
     const char *compiler = getenv("CC") ? getenv("CC") : "cc";
-    char *header = rtt_read_project("rt.h");
-    struct { const char *name, *text; } files[] = { { "rt.h", header }, { "program.c", source } };
+    char *header = rtt_read_project("rt.h"), *gpu = rtt_read_project("rt_gpu.h"), *kernels = rtt_read_project("rt_gpu_kernels.cl");
+    struct { const char *name, *text; } files[] = { { "rt.h", header }, { "rt_gpu.h", gpu }, { "rt_gpu_kernels.cl", kernels },
+                                                    { "program.c", source } };
     size_t got = 0;
     FILE *pipe;
     int status = -1;
 
-    if (!CHECK(header != NULL) || !CHECK(mkdtemp(folder) != NULL)) {
+    if (!CHECK(header && gpu && kernels) || !CHECK(mkdtemp(folder) != NULL)) {
         free(header);
+        free(gpu);
+        free(kernels);
         return NULL;
     }
     for (size_t i = 0; i < RTT_COUNT(files); i++) {
@@ -5835,6 +5838,8 @@ static char *rtt_compile_and_run(const char *source, char *output, size_t room)
     snprintf(command, sizeof command, "rm -rf %s", folder);
     CHECK(system(command) == 0);
     free(header);
+    free(gpu);
+    free(kernels);
     return CHECK(status == 0) ? output : NULL;
 }
 
@@ -5873,10 +5878,12 @@ static void rtt_test_quick_start(void)
     free(header);
 }
 
-/* Every whole program in README.md compiles with its rt.h and runs; examples/hello.c is shown there to the letter. */
+/* Every whole program in README.md compiles with its rt.h and runs; examples/hello.c and gpu_hello.c are shown there to the
+   letter. */
 static void rtt_test_readme(void)
 {
     char *readme = rtt_read_project("README.md"), *hello = rtt_read_project("examples/hello.c"), output[4096];
+    char *gpu_hello = rtt_read_project("examples/gpu_hello.c");
     char *block = readme;
     int programs = 0;
 
@@ -5886,7 +5893,7 @@ static void rtt_test_readme(void)
         if (!CHECK(end != NULL))
             break;
         end[1] = 0;
-        if (strstr(start, "int main(")) {
+        if (strstr(start, "int main(") && !(rtt.no_gpu && strstr(start, "rt_gpu.h"))) {
             char *text = (char *)rtt_array(strlen(start) + 1, 1), *from, *to = text;
 
             for (from = start; *from;)      /* programs of the project include "../rt.h" */
@@ -5898,6 +5905,8 @@ static void rtt_test_readme(void)
             CHECK(rtt_compile_and_run(text, output, sizeof output) && output[0] != 0);
             if (programs++ == 0 && hello)
                 CHECK(strcmp(start, hello) == 0);
+            if (strstr(start, "rt_gpu.h"))
+                CHECK(gpu_hello && strcmp(start, gpu_hello) == 0 && strstr(output, "equal, bit for bit"));
             free(text);
         }
         block = end + 4;
@@ -5905,6 +5914,7 @@ static void rtt_test_readme(void)
     CHECK(programs > 0);
     free(readme);
     free(hello);
+    free(gpu_hello);
 }
 
 /* ---- >>loaders ------------------------------------------------------------------------------------------------------ */
