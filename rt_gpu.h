@@ -1327,6 +1327,15 @@ static void rti_gpu_define_all(rti_gpu_source *s, const rt_gpu *gpu, const rti_g
     }
     rti_gpu_append(s, ")\n");
     rti_gpu_define(s, "RTI_KNOWN_SIDES(p) (RTI_WIDTH == 1 || (p)->uniform)");
+#if RTI_INSTANCES
+    rti_gpu_define(s, "RTI_INSTANCE_TYPE rti_gpu_instance");
+#else
+    rti_gpu_define(s, "RTI_INSTANCE_TYPE char");
+    rti_gpu_define(s, "rti_clamp_time(time) 0");
+#endif
+#if !RTI_PLANES
+    rti_gpu_define(s, "rti_hit_planes(a, b, c, d, e) 0u");
+#endif
 }
 
 /* A test that holds for all accels of a level, or for none, is not made. */
@@ -1767,4 +1776,6 @@ RT_API rt_status rt_gpu_trace(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_t
     return status;
 }
 
+#undef RTI_SHARED                           /* rt.h, where it is included again, has its own */
+#undef RTI_IN
 #endif /* RT_GPU_IMPLEMENTATION */

@@ -75,7 +75,7 @@ typedef struct { float origin[3]; signed char exponent[4]; uint8_t bounds[6][8];
 "#define RTI_INFINITY INFINITY\n"
 "#define RTI_OPEN(name, parent, number) rt_accel name##_opened; const rt_accel *const name = &name##_opened; "
     "rti_open(&name##_opened, (parent)->arena, number)\n"
-"#define rti_instance rti_gpu_instance\n"
+"#define rti_instance RTI_INSTANCE_TYPE\n"
 "#define fabsf fabs\n"
 "#define sqrtf sqrt\n"
 "#define floorf floor\n"
@@ -116,7 +116,7 @@ typedef struct {
     const RTI_GLOBAL rti_triangle *triangles;
     const RTI_GLOBAL rti_ball *balls;
     const RTI_GLOBAL rti_ground *planes;
-    const RTI_GLOBAL rti_instance *instances;
+    const RTI_GLOBAL RTI_INSTANCE_TYPE *instances;
     const RTI_GLOBAL RTI_WIDE_NODE *wide;
 } rt_accel;
 
@@ -149,7 +149,7 @@ RTI_FN void rti_open(rt_accel *a, const RTI_GLOBAL char *arena, uint32_t number)
     a->triangles = (const RTI_GLOBAL rti_triangle *)rti_reach(arena, r->triangles);
     a->balls = (const RTI_GLOBAL rti_ball *)rti_reach(arena, r->balls);
     a->planes = (const RTI_GLOBAL rti_ground *)rti_reach(arena, r->planes);
-    a->instances = (const RTI_GLOBAL rti_instance *)rti_reach(arena, r->instances);
+    a->instances = (const RTI_GLOBAL RTI_INSTANCE_TYPE *)rti_reach(arena, r->instances);
     a->wide = (const RTI_GLOBAL RTI_WIDE_NODE *)rti_reach(arena, r->wide);
 }
 

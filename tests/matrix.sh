@@ -39,6 +39,17 @@ cat >$dir/static.c <<'END'
 int other(void);
 int other(void) { return rt_status_string(RT_OK) ? RT_HEADER_VERSION : 0; }
 END
+cat >$dir/gpu.c <<'END'
+#include "rt.h"
+#include "rt_gpu.h"
+#define RT_IMPLEMENTATION
+#define RT_GPU_IMPLEMENTATION
+#include "rt.h"
+#include "rt_gpu.h"
+#include "rt.h"
+#include "rt_gpu.h"
+int main(void) { rt_gpu *gpu = 0; rt_gpu_close(gpu); return 0; }
+END
 
 echo "1. one include, two translation units"
 for compiler in "gcc -std=c99" "gcc -std=c11" "gcc -std=c17" "gcc -std=gnu17" "clang -std=c99" "clang -std=c17" \
@@ -49,6 +60,7 @@ for compiler in "gcc -std=c99" "gcc -std=c11" "gcc -std=c17" "gcc -std=gnu17" "c
         continue
     fi
     $compiler -O2 $warn -I. -c $dir/one.c -o $dir/one.o || fail "$compiler"
+    $compiler -O0 $warn -I. -c $dir/gpu.c -o $dir/gpu.o || fail "$compiler (rt_gpu.h)"
     for second in two static; do
         $compiler -O2 $warn -I. -c $dir/$second.c -o $dir/$second.o || fail "$compiler ($second)"
         ${compiler% -x*} $dir/one.o $dir/$second.o -o $dir/linked -lm && $dir/linked || fail "$compiler (linked with $second)"
@@ -62,6 +74,7 @@ for optout in "" -DRT_NO_SIMD -DRT_NO_KDTREE -DRT_NO_THREADED -DRT_NO_SPHERES -D
               -DRT_NO_SHADING "$all" "$all -DRT_NO_SIMD"; do
     for compiler in "gcc -std=c99" "clang -std=c99" "g++ -x c++ -std=c++11" "clang++ -x c++ -std=c++11"; do
         $compiler -O2 $warn $optout -I. -c $dir/one.c -o $dir/optout.o || fail "$compiler $optout"
+        $compiler -O0 $warn $optout -I. -c $dir/gpu.c -o $dir/gpu.o || fail "$compiler $optout (rt_gpu.h)"
     done
     gcc -std=c99 -Os $optout -I. -c $dir/one.c -o $dir/optout.o || fail "-Os $optout"
     printf '  %7d  %s\n' "$(size $dir/optout.o | awk 'NR == 2 { print $1 + $2 }')" "${optout:-everything}"
@@ -76,7 +89,7 @@ for compiler in gcc clang; do
                 fail "$compiler $flags $simd does not build"
                 continue
             fi
-            $dir/rt_test >$dir/log 2>&1 || { grep -E '^FAIL' $dir/log; fail "$compiler $flags $simd"; }
+            $dir/rt_test --no-gpu >$dir/log 2>&1 || { grep -E '^FAIL' $dir/log; fail "$compiler $flags $simd"; }
             got=$(grep -o 'checksum: 0x[0-9a-f]*' $dir/log)
             printf '  %-48s %s, %s\n' "$compiler $flags $simd" "$got" "$(tail -n 1 $dir/log)"
             test -n "$got" && test "$got" = "${sum:=$got}" || fail "the checksum differs from the first"
