@@ -197,14 +197,6 @@ RTI_FN rti_v rti_vset(float x) { return x; }
 RTI_FN rti_v rti_vid(uint32_t id) { return as_float(id); }
 RTI_FN rti_v rti_vload(const float *p) { return *p; }
 RTI_FN void rti_vstore(float *p, rti_v a) { *p = a; }
-RTI_FN rti_v rti_vadd(rti_v a, rti_v b) { return a + b; }
-RTI_FN rti_v rti_vsub(rti_v a, rti_v b) { return a - b; }
-RTI_FN rti_v rti_vmul(rti_v a, rti_v b) { return a * b; }
-RTI_FN rti_v rti_vdiv(rti_v a, rti_v b) { return a / b; }
-RTI_FN rti_v rti_vmin(rti_v a, rti_v b) { return a < b ? a : b; }
-RTI_FN rti_v rti_vmax(rti_v a, rti_v b) { return a > b ? a : b; }
-RTI_FN rti_v rti_vabs(rti_v a) { return fabs(a); }
-RTI_FN rti_v rti_vsign(rti_v size, rti_v sign) { return copysign(size, sign); }
 RTI_FN unsigned rti_vlt(rti_v a, rti_v b) { return a < b; }
 RTI_FN unsigned rti_vle(rti_v a, rti_v b) { return a <= b; }
 RTI_FN unsigned rti_vnegative(rti_v a) { return as_uint(a) >> 31; }
@@ -212,13 +204,6 @@ RTI_FN rti_v rti_vselect(unsigned lanes, rti_v a, rti_v b) { return lanes ? a : 
 RTI_FN rti_d rti_dset(double x) { return x; }
 RTI_FN rti_d rti_dload(const double *p) { return *p; }
 RTI_FN void rti_dstore(double *p, rti_d a) { *p = a; }
-RTI_FN rti_d rti_dadd(rti_d a, rti_d b) { return a + b; }
-RTI_FN rti_d rti_dsub(rti_d a, rti_d b) { return a - b; }
-RTI_FN rti_d rti_dmul(rti_d a, rti_d b) { return a * b; }
-RTI_FN rti_d rti_ddiv(rti_d a, rti_d b) { return a / b; }
-RTI_FN rti_d rti_dsqrt(rti_d a) { return sqrt(a); }
-RTI_FN rti_d rti_dmin(rti_d a, rti_d b) { return a < b ? a : b; }
-RTI_FN rti_d rti_dmax(rti_d a, rti_d b) { return a > b ? a : b; }
 RTI_FN unsigned rti_dlt(rti_d a, rti_d b) { return a < b; }
 RTI_FN rti_d rti_dselect(unsigned lanes, rti_d a, rti_d b) { return lanes ? a : b; }
 RTI_FN rti_d rti_widen(rti_v a) { return (double)a; }
@@ -249,14 +234,6 @@ RTI_FN rti_v rti_vset(float x) { return (rti_v)(x); }
 RTI_FN rti_v rti_vid(uint32_t id) { return (rti_v)(as_float(id)); }
 RTI_FN rti_v rti_vload(const float *p) { return RTI_VECTOR(vload)(0, p); }
 RTI_FN void rti_vstore(float *p, rti_v a) { RTI_VECTOR(vstore)(a, 0, p); }
-RTI_FN rti_v rti_vadd(rti_v a, rti_v b) { return a + b; }
-RTI_FN rti_v rti_vsub(rti_v a, rti_v b) { return a - b; }
-RTI_FN rti_v rti_vmul(rti_v a, rti_v b) { return a * b; }
-RTI_FN rti_v rti_vdiv(rti_v a, rti_v b) { return a / b; }
-RTI_FN rti_v rti_vmin(rti_v a, rti_v b) { return a < b ? a : b; }
-RTI_FN rti_v rti_vmax(rti_v a, rti_v b) { return a > b ? a : b; }
-RTI_FN rti_v rti_vabs(rti_v a) { return fabs(a); }
-RTI_FN rti_v rti_vsign(rti_v size, rti_v sign) { return copysign(size, sign); }
 RTI_FN unsigned rti_vlt(rti_v a, rti_v b) { return RTI_VECTOR(rti_signs)(a < b); }
 RTI_FN unsigned rti_vle(rti_v a, rti_v b) { return RTI_VECTOR(rti_signs)(a <= b); }
 RTI_FN unsigned rti_vnegative(rti_v a) { return RTI_VECTOR(rti_signs)(RTI_VECTOR(as_int)(a)); }
@@ -264,13 +241,6 @@ RTI_FN rti_v rti_vselect(unsigned lanes, rti_v a, rti_v b) { return rti_spread(l
 RTI_FN rti_d rti_dset(double x) { return (rti_d)(x); }
 RTI_FN rti_d rti_dload(const double *p) { return RTI_VECTOR(vload)(0, p); }
 RTI_FN void rti_dstore(double *p, rti_d a) { RTI_VECTOR(vstore)(a, 0, p); }
-RTI_FN rti_d rti_dadd(rti_d a, rti_d b) { return a + b; }
-RTI_FN rti_d rti_dsub(rti_d a, rti_d b) { return a - b; }
-RTI_FN rti_d rti_dmul(rti_d a, rti_d b) { return a * b; }
-RTI_FN rti_d rti_ddiv(rti_d a, rti_d b) { return a / b; }
-RTI_FN rti_d rti_dsqrt(rti_d a) { return sqrt(a); }
-RTI_FN rti_d rti_dmin(rti_d a, rti_d b) { return a < b ? a : b; }
-RTI_FN rti_d rti_dmax(rti_d a, rti_d b) { return a > b ? a : b; }
 RTI_FN unsigned rti_dlt(rti_d a, rti_d b) { return RTI_VECTOR(rti_signs)(RTI_VECTOR(convert_int)(a < b)); }
 RTI_FN rti_d rti_dselect(unsigned lanes, rti_d a, rti_d b) { return RTI_VECTOR(convert_long)(rti_spread(lanes)) ? a : b; }
 RTI_FN rti_d rti_widen(rti_v a) { return RTI_VECTOR(convert_double)(a); }
@@ -308,7 +278,22 @@ RTI_FN rti_v rti_vplane(rti_v plane, rti_v org, rti_v rdir) { return (plane - or
 )
 "#endif\n"
 RTI_SHARED(
+RTI_FN rti_v rti_vadd(rti_v a, rti_v b) { return a + b; }
+RTI_FN rti_v rti_vsub(rti_v a, rti_v b) { return a - b; }
+RTI_FN rti_v rti_vmul(rti_v a, rti_v b) { return a * b; }
+RTI_FN rti_v rti_vdiv(rti_v a, rti_v b) { return a / b; }
+RTI_FN rti_v rti_vmin(rti_v a, rti_v b) { return a < b ? a : b; }
+RTI_FN rti_v rti_vmax(rti_v a, rti_v b) { return a > b ? a : b; }
+RTI_FN rti_v rti_vabs(rti_v a) { return fabs(a); }
+RTI_FN rti_v rti_vsign(rti_v size, rti_v sign) { return copysign(size, sign); }
 RTI_FN rti_v rti_vround(rti_v a) { return a; }
+RTI_FN rti_d rti_dadd(rti_d a, rti_d b) { return a + b; }
+RTI_FN rti_d rti_dsub(rti_d a, rti_d b) { return a - b; }
+RTI_FN rti_d rti_dmul(rti_d a, rti_d b) { return a * b; }
+RTI_FN rti_d rti_ddiv(rti_d a, rti_d b) { return a / b; }
+RTI_FN rti_d rti_dsqrt(rti_d a) { return sqrt(a); }
+RTI_FN rti_d rti_dmin(rti_d a, rti_d b) { return a < b ? a : b; }
+RTI_FN rti_d rti_dmax(rti_d a, rti_d b) { return a > b ? a : b; }
 RTI_FN rti_d rti_product(rti_d a, rti_d b) { return a * b; }
 )
 
