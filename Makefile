@@ -17,16 +17,14 @@ EMBREE  = $(shell printf '\043include <embree3/rtcore.h>\nint main(void) { retur
                   $(CC) -x c - -o /dev/null -lembree3 2>/dev/null && echo 1)
 SUDO   := $(shell test "$$(id -u)" = 0 || command -v sudo)
 
-# $(call need,COMMAND,PACKAGE): installs Debian's package where the command is missing, or says what to install
-need = @command -v $(1) >/dev/null || $(SUDO) apt-get install -y -q $(2) >/dev/null 2>&1 || \
-        { $(SUDO) apt-get update -q >/dev/null 2>&1; $(SUDO) apt-get install -y -q $(2) >/dev/null 2>&1; } || \
-        { echo "make: $(1) is missing and cannot be installed from here: install the package $(2)"; exit 1; }
-
+# $(call get,TEST,NAME,PACKAGES): installs Debian's packages unless TEST holds, or says what to install
+get = @$(1) >/dev/null 2>&1 || $(SUDO) apt-get install -y -q $(3) >/dev/null 2>&1 || \
+       { $(SUDO) apt-get update -q >/dev/null 2>&1; $(SUDO) apt-get install -y -q $(3) >/dev/null 2>&1; } || \
+       { echo "make: $(2) is missing and cannot be installed from here: install $(3)"; exit 1; }
+need   = $(call get,command -v $(1),$(1),$(2))
 # OpenCL: PoCL, which makes a device of any CPU, where there is no driver. What it compiles it keeps here.
+opencl = $(call get,ls /etc/OpenCL/vendors/*.icd,OpenCL,pocl-opencl-icd ocl-icd-libopencl1)
 export POCL_CACHE_DIR ?= $(CURDIR)/build/pocl
-opencl = @ls /etc/OpenCL/vendors/*.icd >/dev/null 2>&1 || $(SUDO) apt-get install -y -q pocl-opencl-icd ocl-icd-libopencl1 >/dev/null 2>&1 || \
-          { $(SUDO) apt-get update -q >/dev/null 2>&1; $(SUDO) apt-get install -y -q pocl-opencl-icd ocl-icd-libopencl1 >/dev/null 2>&1; } || \
-          { echo "make: OpenCL is missing and cannot be installed from here: install pocl-opencl-icd and ocl-icd-libopencl1"; exit 1; }
 
 all: $(B)/render $(B)/animate $(B)/hello $(B)/gpu_hello $(B)/bench $(B)/rt_test
 

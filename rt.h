@@ -127,9 +127,6 @@
 
 /* ---- >>types -------------------------------------------------------------------------------------------------------- */
 
-/* Text that devices compile too, see >>platform. */
-#define RTI_SHARED(...) __VA_ARGS__
-
 #define RT_NONE 0xffffffffu                 /* no primitive, no instance */
 #define RT_MAX_COORDINATE 1e18f             /* |coordinate| of vertices, sphere extents, instance extents, ray origins */
 #define RT_MIN_DIRECTION  1e-30f            /* least and greatest size of the largest component of a ray's dir */
@@ -142,12 +139,10 @@
 #define RT_MAX_ANGLE      1000.0f           /* radians that an instance turns from time 0 to 1 */
 #define RT_DEPTHS         65                /* depths that a node of a tree can have */
 
-RTI_SHARED(
 typedef struct { float x, y, z; } rt_vec3;
 typedef struct { rt_vec3 org; float tmin; rt_vec3 dir; float tmax; } rt_ray;    /* 32 bytes */
 typedef struct { float t, u, v; uint32_t prim, inst; } rt_hit;                  /* 20 bytes; a miss: prim and inst RT_NONE, t infinite */
 typedef struct { rt_vec3 center; float radius; } rt_sphere;                     /* radius >= 0 */
-)
 
 typedef struct rt_accel rt_accel;           /* opaque; made by rt_build */
 
@@ -180,13 +175,11 @@ RT_API const char *rt_status_string(rt_status status);
 #ifndef RT_NO_INSTANCES
 /* How an instance goes on from where its transform puts it, while time runs from 0 to 1: it turns about an axis and is moved. At time s
    world = move * s + turn(angle * s) of (transform * object). */
-RTI_SHARED(
 typedef struct {
     rt_vec3 move;
     rt_vec3 pivot, axis;                    /* the line it turns about: through pivot, along axis, of any length */
     float angle;                            /* radians, counterclockwise seen against axis; of at most RT_MAX_ANGLE; 0: axis may be 0 */
 } rt_motion;
-)
 
 /* accel seen through an affine transform: world = M * object, M = 3 rows of 4, row by row; must be invertible. */
 typedef struct {
@@ -199,12 +192,10 @@ typedef struct {
 #ifndef RT_NO_PLANES
 /* Ground that stays outside of the tree, as [Lohr] 4 has it: an infinite plane, or, with a radius, a disc. Both sides are hit. u and v of
    its hits are 0. */
-RTI_SHARED(
 typedef struct {
     rt_vec3 point, normal;                  /* a point of it, the centre of a disc; normal: of any length but 0 */
     float radius;                           /* of a disc; 0: infinite */
 } rt_plane;
-)
 #endif
 
 /* Zero it, then set what there is. Nothing is owned. */
@@ -438,13 +429,11 @@ typedef enum { RT_SAMPLER_LIST(RTI_ENUM) RT_SAMPLER_COUNT } rt_sampler_kind;
 #define RT_MAX_SPP (1 << 20)                /* samples a pixel */
 
 /* Zero is the default of every field. */
-RTI_SHARED(
 typedef struct {
     rt_sampler_kind kind;
     uint32_t spp;                           /* samples that there will be; 0 = 1. STRATIFIED alone needs to know */
     uint32_t seed, frame;                   /* each gives new numbers */
 } rt_sampler;
-)
 
 /* Number `sample`, below spp, of a pixel and a dimension. Dimensions are independent of each other, those of one call of rt_sample_2d are
    stratified together. Any pixel, sample, dimension, frame and seed is legal, in any order: nothing is kept. O(1). */
@@ -585,22 +574,16 @@ typedef struct {
 /* A point; no falloff, as in Phong's model. With a size it is the mean over its points as seen from the surface: by solid angle, so that
    nearer and less tilted parts count more, as they do on a real lamp. It is not seen itself: give it a body that glows, smaller than it,
    to see. */
-RTI_SHARED(
 typedef struct {
     rt_vec3 position, color;
-)
 #ifndef RT_NO_SAMPLING
-RTI_SHARED(
     float radius;                           /* of a sphere around position; 0: none */
     rt_vec3 edges[2];                       /* of a rectangle, two sides that meet in a corner, at right angles; position is its middle. It shines
                                                to both sides */
     bool by_area;                           /* choose points evenly on its surface, with weights, not by solid angle: the same light, usually
                                                noisier */
-)
 #endif
-RTI_SHARED(
 } rt_light;
-)
 
 /* Everything a picture needs; nothing is owned. Primitive ids are those of geometry. The outside of a triangle is where its vertices
    run counterclockwise; what transmits should be closed, or is a pane that bends what passes as the face of a block would. */
@@ -665,7 +648,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 
 /* What the device of rt_gpu.h does alike is compiled twice from one text: as C here, and as OpenCL C, for which rt_gpu.h includes this file
    again with RTI_TEXT, the name of a part. Then RTI_SHARED makes strings of what stands in it, and RTI_IN leaves out all but that part.
-   So shared text keeps to what both languages have, and has no # in it. Memory of an accel is RTI_GLOBAL. */
+   So shared text keeps to what both languages have, and has no # in it. Memory of an accel or a scene is RTI_GLOBAL. */
 #ifndef RTI_TEXT
 #define RTI_SHARED(...) __VA_ARGS__
 #define RTI_IN(part) 1
@@ -806,9 +789,8 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define RTI_ROUND(x) ((void)0)              /* fp_contract(off) above */
 #endif
 
-/* Shared text, see RTI_SHARED, as C has it. Where an accel or a scene has pointers here the device has distances, which RTI_OPEN and
-   RTI_FOLLOW read, so it has its own rti_instance, rt_material, rt_texture and rti_part, and its own rti_family_of, rti_shape_of and
-   rti_part_of. It shades one surface at a time: its RTI_ABREAST is 1. */
+/* Shared text, see RTI_SHARED, as C has it. Where an accel has pointers here the device has numbers, which RTI_OPEN reads. Shading is written
+   for devices too, though none shades yet: RTI_FOLLOW is to read what rt_material, rt_texture and rti_part have there for pointers. */
 #define RTI_GLOBAL
 #define RTI_FOLLOW(type, from, field) ((from)->field)       /* the type that a thing of a scene refers to, or NULL */
 #define RTI_OPEN(name, parent, accel) const rt_accel *const name = (accel)     /* an instance's accel, by what the instance keeps of it */
@@ -1214,6 +1196,15 @@ RTI_INLINE void rti_set_bounds(rti_node *node, const rti_box *box)
 {
     memcpy(node->bounds, box->lo, 3 * sizeof(float));
     memcpy(node->bounds + 3, box->hi, 3 * sizeof(float));
+}
+
+/* Half the surface of its box. */
+static double rti_node_area(const rti_node *node)
+{
+    rti_box box;
+    memcpy(box.lo, node->bounds, 3 * sizeof(float));
+    memcpy(box.hi, node->bounds + 3, 3 * sizeof(float));
+    return rti_half_area(&box);
 }
 
 RTI_INLINE int rti_leaf_kind(const rti_node *node) { return (int)(node->count >> RTI_KIND_SHIFT); }
@@ -3667,11 +3658,8 @@ static void rti_set_sphere(const rt_accel *accel, const rt_geometry *geo, const 
 
 static double rti_surface(const rt_accel *accel, const rti_node *node)
 {
-    rti_box box;
     if (accel->bounds == RT_BOUNDS_SPHERES) return (double)node->bounds[3] * (double)node->bounds[3];
-    memcpy(box.lo, node->bounds, 3 * sizeof(float));
-    memcpy(box.hi, node->bounds + 3, 3 * sizeof(float));
-    return rti_half_area(&box);
+    return rti_node_area(node);
 }
 
 /* Throws back children of a kept node, the largest first, while they are larger than the part of it and there is room. */
@@ -4158,11 +4146,7 @@ RT_API void rt_get_info(const rt_accel *accel, rt_info *info)
 #endif
     for (i = 0; i < accel->node_count; i++) {
         const rti_node *node = &accel->nodes[i];
-        rti_box box;
-        double part;
-        memcpy(box.lo, node->bounds, 3 * sizeof(float));
-        memcpy(box.hi, node->bounds + 3, 3 * sizeof(float));
-        part = rti_half_area(&box);
+        double part = rti_node_area(node);
 #if RTI_THREADED
         if (accel->structure == RT_THREADED) part = rti_surface(accel, node);
 #endif

@@ -619,29 +619,30 @@ RT_API rt_status rt_gpu_read(rt_gpu_buffer *buffer, size_t offset, void *to, siz
 /* rt.h's own RTI_SHARED and RTI_IN are done with: from here on they serve the parts of both files. */
 #undef RTI_IN
 #define RTI_IN(part) (RTI_TEXT == RTI_TEXT_##part)
-#define RTI_TEXT_HOST       0
-#define RTI_TEXT_LAYOUT     1
-#define RTI_TEXT_TYPES      2
-#define RTI_TEXT_BASE       3
-#define RTI_TEXT_DEVICE     4
-#define RTI_TEXT_LANE       5
-#define RTI_TEXT_LANES      6
-#define RTI_TEXT_EITHER     7
-#define RTI_TEXT_PASS       8
-#define RTI_TEXT_KD         9
-#define RTI_TEXT_THREADED   10
-#define RTI_TEXT_INSTANCES  11
-#define RTI_TEXT_LEAF       12
-#define RTI_TEXT_BVH        13
-#define RTI_TEXT_WIDE       14
-#define RTI_TEXT_KD_LEAF    15
-#define RTI_TEXT_KD_STACK   16
-#define RTI_TEXT_KD_RESTART 17
-#define RTI_TEXT_THREADED_BODY 18
-#define RTI_TEXT_WALK       19
-#define RTI_TEXT_TRACE      20
-#define RTI_TEXT_WIDE_BODY  21
-#define RTI_TEXT_RUN        22
+/* The parts, in the order in which a program has them; HOST is in none, and LAYOUT is C too. */
+#define RTI_TEXT_HOST           0
+#define RTI_TEXT_LAYOUT         1
+#define RTI_TEXT_TYPES          2
+#define RTI_TEXT_BASE           3
+#define RTI_TEXT_DEVICE         4
+#define RTI_TEXT_LANE           5
+#define RTI_TEXT_LANES          6
+#define RTI_TEXT_EITHER         7
+#define RTI_TEXT_PASS           8
+#define RTI_TEXT_KD             9
+#define RTI_TEXT_THREADED       10
+#define RTI_TEXT_WIDE           11
+#define RTI_TEXT_INSTANCES      12
+#define RTI_TEXT_LEAF           13
+#define RTI_TEXT_BVH            14
+#define RTI_TEXT_WIDE_BODY      15
+#define RTI_TEXT_RUN            16
+#define RTI_TEXT_KD_LEAF        17
+#define RTI_TEXT_KD_STACK       18
+#define RTI_TEXT_KD_RESTART     19
+#define RTI_TEXT_THREADED_BODY  20
+#define RTI_TEXT_WALK           21
+#define RTI_TEXT_TRACE          22
 
 #define RTI_TEXT RTI_TEXT_LAYOUT            /* as C */
 #include RT_GPU_KERNELS
@@ -759,12 +760,7 @@ static int rti_gpu_open_children(const rt_accel *accel, uint32_t root, uint32_t 
         int best = -1;
         for (i = 0; i < n; i++) {
             const rti_node *node = &nodes[children[i]];
-            rti_box box;
-            double area;
-            if (node->count) continue;
-            memcpy(box.lo, node->bounds, 3 * sizeof(float));
-            memcpy(box.hi, node->bounds + 3, 3 * sizeof(float));
-            area = rti_half_area(&box);
+            const double area = node->count ? -1 : rti_node_area(node);
             if (area > most) {
                 most = area;
                 best = i;
@@ -1129,7 +1125,7 @@ RT_API size_t rt_gpu_bytes(const rt_gpu_accel *accel) { return accel->object.byt
 
 /* What programs are put together from; a NULL ends each part, and they stand in the order of their numbers. */
 static const char *const rti_gpu_texts[] = {
-    NULL, NULL,                             /* HOST, LAYOUT follows TYPES */
+    NULL, NULL,                             /* HOST, and LAYOUT, which follows TYPES */
 #define RTI_TEXT RTI_TEXT_TYPES
 #include RT_GPU_KERNELS
 #undef RTI_TEXT
@@ -1140,6 +1136,7 @@ static const char *const rti_gpu_texts[] = {
 #define RTI_TEXT RTI_TEXT_BASE
 #include RT_SELF
 #undef RTI_TEXT
+#define RTI_PASS                            /* where the rest of rt.h stands */
     "", NULL,
 #define RTI_TEXT RTI_TEXT_DEVICE
 #include RT_GPU_KERNELS
@@ -1157,7 +1154,6 @@ static const char *const rti_gpu_texts[] = {
 #include RT_GPU_KERNELS
 #undef RTI_TEXT
     "", NULL,
-#define RTI_PASS
 #define RTI_TEXT RTI_TEXT_PASS
 #include RT_SELF
 #undef RTI_TEXT
@@ -1168,6 +1164,10 @@ static const char *const rti_gpu_texts[] = {
     "", NULL,
 #define RTI_TEXT RTI_TEXT_THREADED
 #include RT_SELF
+#undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_WIDE
+#include RT_GPU_KERNELS
 #undef RTI_TEXT
     "", NULL,
 #define RTI_TEXT RTI_TEXT_INSTANCES
@@ -1182,7 +1182,11 @@ static const char *const rti_gpu_texts[] = {
 #include RT_SELF
 #undef RTI_TEXT
     "", NULL,
-#define RTI_TEXT RTI_TEXT_WIDE
+#define RTI_TEXT RTI_TEXT_WIDE_BODY
+#include RT_GPU_KERNELS
+#undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_RUN
 #include RT_GPU_KERNELS
 #undef RTI_TEXT
     "", NULL,
@@ -1198,7 +1202,6 @@ static const char *const rti_gpu_texts[] = {
 #include RT_SELF
 #undef RTI_TEXT
     "", NULL,
-#undef RTI_PASS
 #define RTI_TEXT RTI_TEXT_THREADED_BODY
 #include RT_GPU_KERNELS
 #undef RTI_TEXT
@@ -1210,15 +1213,8 @@ static const char *const rti_gpu_texts[] = {
 #define RTI_TEXT RTI_TEXT_TRACE
 #include RT_GPU_KERNELS
 #undef RTI_TEXT
-    "", NULL,
-#define RTI_TEXT RTI_TEXT_WIDE_BODY
-#include RT_GPU_KERNELS
-#undef RTI_TEXT
-    "", NULL,
-#define RTI_TEXT RTI_TEXT_RUN
-#include RT_GPU_KERNELS
-#undef RTI_TEXT
     "", NULL
+#undef RTI_PASS
 };
 
 /* Text that grows; size 0 once memory has run out. */
@@ -1283,10 +1279,10 @@ struct rti_gpu_program {
     X(rti_kd_stack_body) X(rti_kd_restart_body) X(rti_thread_body) X(rti_walk)
 
 /* Numbers of rt.h that shared text uses. */
-#define RTI_GPU_NUMBERS(X) X(RT_CLOSEST) X(RT_ANY) X(RT_BVH) X(RT_KDTREE) X(RT_THREADED) X(RT_KD_STACK) X(RT_KD_RESTART) X(RT_KD_BACKTRACK) \
-    X(RT_BOUNDS_SPHERES) X(RTI_TRIANGLE) X(RTI_SPHERE) X(RTI_INSTANCE) X(RTI_WALK_ANY) X(RTI_WALK_ALL) X(RTI_WALK_COUNT) X(RTI_WALK_ROUND) \
-    X(RTI_WALK_EITHER) X(RTI_WALK_LIKELY) X(RTI_KIND_SHIFT) X(RTI_MIXED) X(RTI_KD_PAIR) X(RTI_SEEN)
-#define RTI_GPU_BITS(X) X(RT_NONE) X(RTI_END) X(RTI_COUNT_MASK) X(RTI_LEAF) X(RTI_KD_LOWER_EMPTY) X(RTI_KD_UPPER_EMPTY) X(RTI_KD_EMPTY) \
+#define RTI_GPU_NUMBERS(X) X(RT_ANY) X(RT_KDTREE) X(RT_KD_STACK) X(RT_KD_RESTART) X(RT_KD_BACKTRACK) \
+    X(RTI_TRIANGLE) X(RTI_SPHERE) X(RTI_INSTANCE) X(RTI_WALK_ANY) X(RTI_WALK_ALL) X(RTI_WALK_COUNT) X(RTI_WALK_LIKELY) \
+    X(RTI_KIND_SHIFT) X(RTI_MIXED) X(RTI_KD_PAIR) X(RTI_SEEN)
+#define RTI_GPU_BITS(X) X(RT_NONE) X(RTI_END) X(RTI_COUNT_MASK) X(RTI_LEAF) X(RTI_KD_LOWER_EMPTY) X(RTI_KD_EMPTY) \
     X(RTI_GPU_ALIGN)
 #define RTI_GPU_FLOATS(X) X(RT_MAX_COORDINATE) X(RT_MIN_DIRECTION) X(RT_MAX_DIRECTION)
 

@@ -1,9 +1,8 @@
 /* rt_gpu_kernels.cl - what rt_gpu.h runs on devices, in OpenCL C 1.2.    SPDX-License-Identifier: MIT OR Unlicense
 
    rt_gpu.h includes this file a part at a time, RTI_SHARED making strings of what stands in it, as it includes rt.h for the traversals,
-   primitive tests and shading that both have in common: so programs carry their kernels, and need no file. A program is put together for
-   one algorithm and one scene: definitions first (rti_gpu_define in rt_gpu.h), then DEVICE, BASE of rt.h, LANES or LANE, PASS, KD, THREADED
-   of rt.h, and so on.
+   primitive tests that both have in common: so programs carry their kernels, and need no file. A program is put together for one algorithm
+   and one scene (rti_gpu_write_program in rt_gpu.h): definitions first, then parts, in the order of their numbers there.
 
    Instances are entered without recursion, which devices lack: all from INSTANCES to WALK stands in the program once a level of nesting,
    the innermost first, every name with the level's number (RTI_LEVEL_NAMES in rt_gpu.h). What no accel of a level has is left out.  */
@@ -19,6 +18,7 @@ typedef struct {
     uint32_t nodes, kdnodes, kdlinks, kdslots, links, triangles, balls, planes, instances, wide;
     float lower[3], upper[3], extent, spread;
 } rti_gpu_record;
+typedef char rti_check_record[sizeof(rti_gpu_record) == 120 ? 1 : -1];
 )
 #if RTI_INSTANCES
 RTI_SHARED(
@@ -27,6 +27,7 @@ typedef struct {
     uint32_t accel, prim, base, moves;
     rt_motion motion;
 } rti_gpu_instance;
+typedef char rti_check_instance[sizeof(rti_gpu_instance) == 152 ? 1 : -1];
 )
 #endif
 
@@ -36,9 +37,10 @@ RTI_SHARED(
 typedef struct { float bounds[6][8]; uint32_t index[8], count[8]; } rti_gpu_wide;
 )
 
-/* The same for GPUs, a third of it: planes in steps of 2^exponent from an origin, rounded outwards. */
+/* The same for GPUs, half of it: planes in steps of 2^exponent from an origin, rounded outwards. */
 RTI_SHARED(
 typedef struct { float origin[3]; signed char exponent[4]; uint8_t bounds[6][8]; uint32_t index[8], count[8]; } rti_gpu_compact;
+typedef char rti_check_wide[sizeof(rti_gpu_wide) == 256 && sizeof(rti_gpu_compact) == 128 ? 1 : -1];
 )
 
 #endif
@@ -76,10 +78,6 @@ typedef struct { float origin[3]; signed char exponent[4]; uint8_t bounds[6][8];
 "#define RTI_OPEN(name, parent, number) rt_accel name##_opened; const rt_accel *const name = &name##_opened; "
     "rti_open(&name##_opened, (parent)->arena, number)\n"
 "#define rti_instance RTI_INSTANCE_TYPE\n"
-"#define fabsf fabs\n"
-"#define sqrtf sqrt\n"
-"#define floorf floor\n"
-"#define copysignf copysign\n"
 
 RTI_SHARED(
 typedef uchar uint8_t;
@@ -90,9 +88,7 @@ typedef struct { float x, y, z; } rt_vec3;
 typedef struct { rt_vec3 org; float tmin; rt_vec3 dir; float tmax; } rt_ray;
 typedef struct { float t, u, v; uint32_t prim, inst; } rt_hit;
 typedef struct { rt_vec3 move, pivot, axis; float angle; } rt_motion;
-RTI_FN float rti_roundf(float x) { return x; }
 RTI_FN double rti_round(double x) { return x; }
-RTI_FN float rti_keepf(float x) { return x; }
 RTI_FN double rti_keep(double x) { return x; }
 typedef int rt_query;
 typedef int rt_algorithm;
