@@ -789,10 +789,11 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define RTI_ROUND(x) ((void)0)              /* fp_contract(off) above */
 #endif
 
-/* Shared text, see RTI_SHARED, as C has it. Where an accel has pointers here the device has numbers, which RTI_OPEN reads. Shading is written
-   for devices too, though none shades yet: RTI_FOLLOW is to read what rt_material, rt_texture and rti_part have there for pointers. */
+/* Shared text, see RTI_SHARED, as C has it. Where an accel has pointers here the device has numbers, which RTI_OPEN reads, and where a scene
+   has them, distances, which RTI_FOLLOW adds. RTI_SHOWS: may scenes have that? A device's program is for one scene, and knows. */
 #define RTI_GLOBAL
 #define RTI_FOLLOW(type, from, field) ((from)->field)       /* the type that a thing of a scene refers to, or NULL */
+#define RTI_SHOWS(things) true
 #define RTI_OPEN(name, parent, accel) const rt_accel *const name = (accel)     /* an instance's accel, by what the instance keeps of it */
 #define RTI_KNOWN_SIDES(p) (RTI_WIDTH == 1 || (p)->uniform)
 #define RTI_STACK RTI_MAX_DEPTH             /* entries */
@@ -916,10 +917,6 @@ RTI_INLINE float rti_float_up(double x)
 }
 RTI_INLINE float rti_float_down(double x) { return -rti_float_up(-x); }
 
-RTI_SHARED(
-RTI_INLINE float rti_maxf(float a, float b) { return a > b ? a : b; }       /* fmaxf is a call */
-)
-
 RTI_INLINE bool rti_coordinate_ok(float x) { return x >= -RT_MAX_COORDINATE && x <= RT_MAX_COORDINATE; }     /* false for NaN */
 
 static int rti_ceil_log2(size_t n)
@@ -930,7 +927,12 @@ static int rti_ceil_log2(size_t n)
 }
 
 #endif
-#if RTI_IN(BASE) && (RTI_INSTANCES || !defined(RT_NO_SHADING))
+#if RTI_IN(BASE)
+RTI_SHARED(
+RTI_INLINE float rti_maxf(float a, float b) { return a > b ? a : b; }       /* fmaxf is a call */
+)
+
+#if RTI_INSTANCES || !defined(RT_NO_SHADING)
 /* Sine and cosine of at most RT_MAX_ANGLE radians, within 1e-15: of our own, since those of C libraries differ in their last bits. The angle
    is brought to [-pi/4, pi/4] by quarters, pi/2 being taken off in two parts of which the first has few enough bits to be exact. */
 RTI_SHARED(
@@ -959,9 +961,14 @@ static void rti_sine_cosine(double angle, double *sine, double *cosine)
 }
 )
 #endif
+#endif
+#ifndef RT_NO_SHADING
 #if RTI_IN(HOST)
-
-#if !defined(RT_NO_SHADING) && RTI_SAMPLING
+RTI_INLINE uint64_t rti_double_bits(double x) { uint64_t bits; memcpy(&bits, &x, sizeof bits); return bits; }
+RTI_INLINE double rti_bits_double(uint64_t bits) { double x; memcpy(&x, &bits, sizeof x); return x; }
+#endif
+#if RTI_IN(SHADING)
+#if RTI_SAMPLING
 /* The same of so much of a full turn, -1/8 to 1, within 2e-7. */
 RTI_SHARED(
 RTI_INLINE void rti_circle(float turn, float *sine, float *cosine)
@@ -983,12 +990,7 @@ RTI_INLINE void rti_circle(float turn, float *sine, float *cosine)
 )
 #endif
 
-#ifndef RT_NO_SHADING
-
 /* What else would come from C libraries, for the same reason: in double, so that rounded to float hardly a last bit is wrong. */
-
-RTI_INLINE uint64_t rti_double_bits(double x) { uint64_t bits; memcpy(&bits, &x, sizeof bits); return bits; }
-RTI_INLINE double rti_bits_double(uint64_t bits) { double x; memcpy(&x, &bits, sizeof x); return x; }
 
 /* Within 3e-10 of the value; of less than -700 and more than 700 as of these, which float rounds to 0 and infinity. By the part that powers
    of 2 leave, within -+ln(2)/2, as a power series. */
@@ -1067,8 +1069,9 @@ static double rti_arc_tangent_ratio(double y, double x)
 RTI_SHARED(
 static float rti_atan2f(float y, float x) { return (float)rti_arc_tangent_ratio((double)y, (double)x); }
 )
-
 #endif
+#endif
+#if RTI_IN(HOST)
 
 /* ---- >>layout ------------------------------------------------------------------------------------------------------- */
 
@@ -1275,7 +1278,7 @@ RTI_INLINE bool rti_fetch_triangle(const rt_geometry *geo, size_t prim, float v[
    Where nothing nests, base_j = j. Unsigned wrap-around makes RT_NONE the base of the outermost accel: RT_NONE + 1 + n = n. */
 
 #endif
-#if RTI_IN(HOST) && RTI_INSTANCES
+#if RTI_IN(SHADING) && RTI_INSTANCES
 
 /* 3x4 inverse in double, rounded once. Products of two floats are exact in double, so only the others need RTI_ROUND. */
 RTI_SHARED(
@@ -4169,7 +4172,8 @@ RT_API void rt_get_info(const rt_accel *accel, rt_info *info)
     }
 }
 
-#if RTI_INSTANCES
+#endif
+#if RTI_IN(SHADING) && RTI_INSTANCES
 /* The instances of an accel: what it takes to follow a path through them. */
 RTI_SHARED(
 typedef struct {
@@ -4178,7 +4182,8 @@ typedef struct {
     uint32_t count, paths;
 } rti_family;
 )
-
+#endif
+#if RTI_IN(HOST) && RTI_INSTANCES
 static rti_family rti_family_of(const rt_accel *accel)
 {
     rti_family family;
@@ -4189,7 +4194,8 @@ static rti_family rti_family_of(const rt_accel *accel)
     family.paths = accel->paths;
     return family;
 }
-
+#endif
+#if RTI_IN(SHADING) && RTI_INSTANCES
 /* The number of the instance that the path inst (< paths) goes through: the last whose base is not above it. */
 RTI_SHARED(
 static uint32_t rti_find_instance(const rti_family *family, uint32_t inst)
@@ -4255,7 +4261,10 @@ static uint32_t rti_descend(const rt_accel *root, rti_family *family, uint32_t *
     return number;
 }
 )
+#endif
+#if RTI_IN(HOST)
 
+#if RTI_INSTANCES
 RT_API bool rt_instance_transform(const rt_accel *accel, uint32_t inst, float transform[12], float normal[9])
 {
     return rt_instance_transform_at(accel, inst, 0, transform, normal);
@@ -4424,12 +4433,15 @@ RTI_INLINE int rti_lowest_bit(unsigned bits)
 #define RTI_BLOCK_RAYS (RTI_BLOCK * RTI_BLOCK)
 #define RTI_MAX_SIDE (1 << 20)              /* floats still tell 16 places in a pixel apart */
 
-#ifndef RT_NO_SHADING
-
+#endif
+#if RTI_IN(SHADING) && !defined(RT_NO_SHADING)
 /* right and down are a pixel's steps, corner the direction of the picture's top left corner, at depth 1. */
 RTI_SHARED(
 typedef struct { rt_vec3 eye, corner, right, down; } rti_view;
 )
+#endif
+#if RTI_IN(HOST)
+#ifndef RT_NO_SHADING
 
 /* The way back: for a point p, rows * (p - eye) = depth * (x, y, 1), where the ray through (x, y) meets it at t = depth. Homogeneous: what
    is linear in p - eye is so before the division, for points behind the eye too. See rti_make_lens for what is known of the errors. */
@@ -4504,8 +4516,8 @@ RTI_INLINE double rti_drift(const rti_lens *lens, double reach) { return (reach 
 
 /* ---- >>surfaces ----------------------------------------------------------------------------------------------------- */
 
-#ifndef RT_NO_SHADING
-
+#endif
+#if RTI_IN(SHADING) && !defined(RT_NO_SHADING)
 /* What >>shading gathers from the hits of a batch and the kernels of >>shade work on: numbers of 8 surfaces side by side. */
 RTI_SHARED(
 typedef enum {
@@ -4521,7 +4533,10 @@ typedef enum {
     RTI_LANE_COUNT = 18
 } rti_lane;
 )
+#endif
+#if RTI_IN(HOST)
 
+#ifndef RT_NO_SHADING
 #define RTI_ABREAST 8
 
 typedef struct { float lanes[RTI_LANE_COUNT * RTI_ABREAST]; } RTI_ALIGNED(32) rti_surfaces;     /* number k of surface i at 8 k + i */
@@ -4839,6 +4854,8 @@ RT_API rt_status rt_trace_arrays(const rt_accel *accel, const rt_trace_options *
 
 /* Integers and floats alone, without a library: the same numbers from every compiler. */
 
+#endif
+#if RTI_IN(SHADING)
 #if RTI_SAMPLING || !defined(RT_NO_SHADING)
 /* The finaliser of MurmurHash3: a permutation in which every bit depends on every other. */
 RTI_SHARED(
@@ -4983,7 +5000,11 @@ static void rti_sample_2d(const rt_sampler *sampler, uint32_t x, uint32_t y, uin
         if (!(point[k] < 1)) point[k] = 0.99999994f;
 }
 )
+#endif
+#endif
+#if RTI_IN(HOST)
 
+#if RTI_SAMPLING
 RT_API float rt_sample_1d(const rt_sampler *sampler, uint32_t x, uint32_t y, uint32_t sample, uint32_t dimension)
 {
     return rti_sample_1d(sampler, x, y, sample, dimension);
@@ -4998,8 +5019,8 @@ RT_API void rt_sample_2d(const rt_sampler *sampler, uint32_t x, uint32_t y, uint
 
 /* ---- >>camera ------------------------------------------------------------------------------------------------------- */
 
-#ifndef RT_NO_SHADING
-
+#endif
+#if RTI_IN(SHADING) && !defined(RT_NO_SHADING)
 /* Products are rounded before they are summed: every compiler, whatever its flags, and every device draw the same picture. */
 RTI_SHARED(
 static rt_vec3 rti_vec3(float x, float y, float z)
@@ -5048,26 +5069,6 @@ RTI_INLINE void rti_frame(rt_vec3 n, rt_vec3 *x, rt_vec3 *y)
 }
 )
 
-static rti_view rti_make_view(const rt_camera *camera, int width, int height)
-{
-    rti_view view;
-    rt_vec3 forward = rti_normalize(rti_sub(camera->look, camera->eye)), right, down;
-    double sine, cosine;
-    float pixel;
-    rti_sine_cosine(rti_keep((double)camera->fov * 0.00872664625997164788), &sine, &cosine);      /* degrees to half radians */
-    pixel = (float)(2 * sine / cosine / height);
-    right = rti_cross(forward, rti_normalize(camera->up));
-    if (!(rti_dot(right, right) > 0))       /* up along the view axis, or zero: any level right will do */
-        right = rti_cross(forward, fabsf(forward.y) < 0.9f ? rti_vec3(0, 1, 0) : rti_vec3(1, 0, 0));
-    right = rti_normalize(right);
-    down = rti_cross(forward, right);
-    view.eye = camera->eye;
-    view.right = rti_scale(right, pixel);
-    view.down = rti_scale(down, pixel);
-    view.corner = rti_sub(forward, rti_add(rti_scale(view.right, (float)width / 2), rti_scale(view.down, (float)height / 2)));
-    return view;
-}
-
 RTI_SHARED(
 RTI_INLINE void rti_set_ray(rt_ray *ray, rt_vec3 org, rt_vec3 dir, float tmax)
 {
@@ -5093,17 +5094,6 @@ typedef struct {
     bool open;                              /* false: a pinhole */
 } rti_aperture;
 )
-
-static rti_aperture rti_make_aperture(const rt_camera *camera, const rti_view *view, const rt_lens *lens)
-{
-    const rt_vec3 ahead = rti_sub(camera->look, camera->eye);
-    rti_aperture l;
-    l.open = lens->radius > 0;
-    l.right = rti_scale(rti_normalize(view->right), lens->radius);
-    l.down = rti_scale(rti_normalize(view->down), lens->radius);
-    l.rfocus = 1 / (lens->focus > 0 ? lens->focus : rti_largest(ahead) / rti_largest(rti_normalize(ahead)));
-    return l;
-}
 
 /* The square onto the disc, rings onto rings (Shirley and Chiu 1997). */
 RTI_SHARED(
@@ -5131,6 +5121,43 @@ static void rti_through_lens(const rti_aperture *lens, const float u[2], rt_ray 
     ray->dir = rti_sub(ray->dir, rti_scale(off, lens->rfocus));
 }
 )
+
+#endif
+#endif
+#if RTI_IN(HOST)
+
+#ifndef RT_NO_SHADING
+static rti_view rti_make_view(const rt_camera *camera, int width, int height)
+{
+    rti_view view;
+    rt_vec3 forward = rti_normalize(rti_sub(camera->look, camera->eye)), right, down;
+    double sine, cosine;
+    float pixel;
+    rti_sine_cosine(rti_keep((double)camera->fov * 0.00872664625997164788), &sine, &cosine);      /* degrees to half radians */
+    pixel = (float)(2 * sine / cosine / height);
+    right = rti_cross(forward, rti_normalize(camera->up));
+    if (!(rti_dot(right, right) > 0))       /* up along the view axis, or zero: any level right will do */
+        right = rti_cross(forward, fabsf(forward.y) < 0.9f ? rti_vec3(0, 1, 0) : rti_vec3(1, 0, 0));
+    right = rti_normalize(right);
+    down = rti_cross(forward, right);
+    view.eye = camera->eye;
+    view.right = rti_scale(right, pixel);
+    view.down = rti_scale(down, pixel);
+    view.corner = rti_sub(forward, rti_add(rti_scale(view.right, (float)width / 2), rti_scale(view.down, (float)height / 2)));
+    return view;
+}
+
+#if RTI_SAMPLING
+static rti_aperture rti_make_aperture(const rt_camera *camera, const rti_view *view, const rt_lens *lens)
+{
+    const rt_vec3 ahead = rti_sub(camera->look, camera->eye);
+    rti_aperture l;
+    l.open = lens->radius > 0;
+    l.right = rti_scale(rti_normalize(view->right), lens->radius);
+    l.down = rti_scale(rti_normalize(view->down), lens->radius);
+    l.rfocus = 1 / (lens->focus > 0 ? lens->focus : rti_largest(ahead) / rti_largest(rti_normalize(ahead)));
+    return l;
+}
 
 RT_API rt_ray rt_lens_ray(const rt_camera *camera, const rt_lens *lens, float x, float y, int width, int height, const float on_lens[2])
 {
@@ -5709,11 +5736,8 @@ static bool rti_raster_fits(const rt_raster *r, const rt_geometry *geo, const rt
 
 /* ---- >>texture ------------------------------------------------------------------------------------------------------ */
 
-/* What a pixel sees of a surface is about an ellipse; a texture's mean over it is what is asked for. It comes in texture coordinates, or,
-   of solid textures, in space: its middle, and its axes, from edge to edge. */
-RTI_SHARED(
-typedef struct { float at[3], axes[2][3]; } rti_spot;       /* axes at right angles, the first the long one; of an image in texels, at in 1 */
-)
+/* A scene, as what an instance shows is shaded. */
+typedef rt_scene rti_part;
 
 RT_API size_t rt_count_texture_levels(int width, int height)
 {
@@ -5760,6 +5784,15 @@ RT_API void rt_make_texture_levels(const rt_vec3 *pixels, int width, int height,
         height = low;
     }
 }
+
+#endif
+#endif
+#if RTI_IN(SHADING) && !defined(RT_NO_SHADING)
+/* What a pixel sees of a surface is about an ellipse; a texture's mean over it is what is asked for. It comes in texture coordinates, or,
+   of solid textures, in space: its middle, and its axes, from edge to edge. */
+RTI_SHARED(
+typedef struct { float at[3], axes[2][3]; } rti_spot;       /* axes at right angles, the first the long one; of an image in texels, at in 1 */
+)
 
 /* x modulo 1, below it also for negative and huge x. */
 RTI_SHARED(
@@ -5924,9 +5957,6 @@ static rt_vec3 rti_look_at_texture(const RTI_GLOBAL rt_texture *texture, const r
 RTI_SHARED(
 typedef struct { float u, v; rt_vec3 across[2]; } rti_mapping;
 )
-
-/* A scene, as what an instance shows is shaded. */
-typedef rt_scene rti_part;
 
 /* What shades the primitives of a geometry: as rt_scene and rt_geometry say, but for the strides, which count floats. */
 RTI_SHARED(
@@ -6106,15 +6136,63 @@ static rt_vec3 rti_bump(const RTI_GLOBAL rt_material *material, const rti_mappin
 }
 )
 
+#endif
+#if RTI_IN(HOST)
+
 /* ---- >>shading ------------------------------------------------------------------------------------------------------ */
 
-/* A block of pixels is drawn in batches of rays that are traced together: its eye rays, then those that follow, each batch from one
-   batch and of one kind, in the order of their pixels on the screen ([Overbeck] 2.4). What is still to trace waits in a stack, of which
-   the last rays go first. So memory is bounded, and whatever the size of the batches, what a pixel sees is summed up in the
-   same order: a ray, what it sees refracted, what it sees mirrored. */
+/* One ray: how it starts, what it meets, what lights do there, and what it sends on. */
 
-#define RTI_MAX_BLOCK 32                    /* pixels a side: for packets of 32 x 32 rays */
-#define RTI_DEPTH 5                         /* levels, when none are asked for */
+#ifndef RT_NO_SHADING
+static const rt_material rti_grey = {       /* of scenes without materials */
+    { 0.7f, 0.7f, 0.7f }, { 0, 0, 0 }, { 0, 0, 0 }, 1, { 0, 0, 0 }, { 0, 0, 0 }, { 0, 0, 0 }, 1, false,
+#if RTI_SAMPLING
+    0,
+#endif
+    NULL, NULL, 0
+};
+
+static rti_shape rti_shape_of(const rt_scene *scene)
+{
+    const rt_geometry *geo = scene->geometry;
+    rti_shape shape;
+    shape.vertices = geo->vertices;
+    shape.stride = geo->vertex_stride ? geo->vertex_stride / sizeof(float) : 3;
+    shape.indices = geo->indices;
+    shape.normals = scene->normals;
+    shape.normal_indices = scene->normal_indices;
+    shape.colors = scene->colors;
+    shape.texcoords = scene->texcoords;
+    shape.texcoord_indices = scene->texcoord_indices;
+    shape.materials = scene->material_count ? scene->materials : &rti_grey;
+    shape.material_ids = scene->material_count ? scene->material_ids : NULL;
+    shape.triangle_count = (uint32_t)geo->triangle_count;
+    shape.instance_count = (uint32_t)rti_instance_count(geo);
+    shape.tree_count = (uint32_t)rti_tree_count(geo);
+#if RTI_SPHERES
+    shape.spheres = geo->spheres;
+#endif
+#if RTI_PLANES
+    shape.planes = geo->planes;
+#endif
+    return shape;
+}
+
+#if RTI_INSTANCES
+static const rti_part *rti_part_of(const rti_part *part, uint32_t number)
+{
+    RT_ASSERT(part->parts && part->parts[number] && part->parts[number]->accel && part->parts[number]->geometry);
+    return part->parts[number];
+}
+#endif
+#if RTI_SAMPLING
+#define RTI_SAMPLING_OR(with, without) (with)
+#else
+#define RTI_SAMPLING_OR(with, without) (without)
+#endif
+#endif
+#endif
+#if RTI_IN(SHADING) && !defined(RT_NO_SHADING)
 
 /* What a ray carries besides itself. */
 RTI_SHARED(
@@ -6134,12 +6212,6 @@ RTI_SHARED(
 } rti_path;
 typedef enum { RTI_EYE, RTI_REFLECT, RTI_REFRACT } rti_kind_of_ray;
 )
-
-#if RTI_SAMPLING
-#define RTI_SAMPLING_OR(with, without) (with)
-#else
-#define RTI_SAMPLING_OR(with, without) (without)
-#endif
 
 /* How the rays of a sample start, and where their numbers come from. */
 RTI_SHARED(
@@ -6179,46 +6251,6 @@ RTI_SHARED(
 } rti_world;
 )
 
-/* Waiting rays of one kind and level from one batch; a group lies on top of the one before it. */
-typedef struct { size_t count; int level; rti_kind_of_ray kind; } rti_group;
-
-/* One call of rt_render_tile. */
-typedef struct {
-    const rt_scene *scene;
-    const rt_raster *raster;
-    rti_batch_function batch;
-    rti_finish_function finish;
-    rti_aim_function aim;
-    rti_job job;
-    rti_tuner tuners[2][3];                 /* of closest and any hits; by the kind of ray that is traced, or lit */
-    rti_world world;
-    rti_film film;
-    rt_ray_counts counts;
-    int depth, spp, side;                   /* side: of a block, in pixels */
-#if RTI_SAMPLING
-    float *times;                           /* one a ray of the batch, for those below */
-    float *shares;                          /* of a light with a size: what its point counts, one a surface */
-#endif
-
-    /* One batch, of at most side * side rays. Compacted on the way: first what is traced, then what is seen, then its shadow rays. */
-    rt_ray *rays;
-    rt_hit *hits;
-    rti_path *paths;
-    const rt_material **materials;
-    rt_vec3 *tints;                         /* weight * diffuse colour */
-    bool *inside;                           /* the surface was met from its inside; known where there is more to trace */
-    unsigned short *shiny, *lit;            /* surfaces that reflect or transmit; that the shadow rays start from */
-    size_t shiny_count;
-    rti_surfaces *surfaces;
-
-    rt_vec3 *sums;                          /* of the block's pixels */
-    rt_ray *waiting_rays;
-    rti_path *waiting;
-    size_t waiting_count, waiting_space;
-    rti_group groups[2 * RT_MAX_DEPTH];     /* two a level: of all above but the last batch's, only rests are left */
-    int group_count;
-} rti_render;
-
 /* The mean of three vectors by the weights of a hit; in one expression a component, which the compiler keeps in registers. */
 RTI_SHARED(
 RTI_INLINE rt_vec3 rti_blend(const rt_hit *hit, rt_vec3 a, rt_vec3 b, rt_vec3 c)
@@ -6229,9 +6261,6 @@ RTI_INLINE rt_vec3 rti_blend(const rt_hit *hit, rt_vec3 a, rt_vec3 b, rt_vec3 c)
                     rti_keepf(a.z * w) + rti_keepf(b.z * u) + rti_keepf(c.z * v));
 }
 )
-
-/* The numbers of surface i stand RTI_ABREAST apart from there. */
-RTI_INLINE float *rti_lanes(rti_surfaces *s, size_t i) { return s[i / RTI_ABREAST].lanes + i % RTI_ABREAST; }
 
 RTI_SHARED(
 RTI_INLINE void rti_put(float *lanes, int lane, rt_vec3 v)
@@ -6300,7 +6329,7 @@ RTI_NOINLINE void rti_wear(const rti_shape *shape, const rt_hit *hit, const RTI_
         steps[i] = rti_sub(rti_sub(across, rti_scale(normal, high)), rti_scale(rti_sub(dir, rti_scale(normal, cosine)), high / depth));
     }
     rti_turn_axes(steps);
-    if (hit->prim < shape->triangle_count) {
+    if (!RTI_SHOWS(SHAPES) || hit->prim < shape->triangle_count) {
         size_t corners[3];
         rt_vec3 pq, pr;
         rti_edges_of(shape, hit->prim, corners, &pq, &pr);
@@ -6326,40 +6355,6 @@ RTI_SHARED(
 }
 )
 
-static const rt_material rti_grey = {       /* of scenes without materials */
-    { 0.7f, 0.7f, 0.7f }, { 0, 0, 0 }, { 0, 0, 0 }, 1, { 0, 0, 0 }, { 0, 0, 0 }, { 0, 0, 0 }, 1, false,
-#if RTI_SAMPLING
-    0,
-#endif
-    NULL, NULL, 0
-};
-
-static rti_shape rti_shape_of(const rt_scene *scene)
-{
-    const rt_geometry *geo = scene->geometry;
-    rti_shape shape;
-    shape.vertices = geo->vertices;
-    shape.stride = geo->vertex_stride ? geo->vertex_stride / sizeof(float) : 3;
-    shape.indices = geo->indices;
-    shape.normals = scene->normals;
-    shape.normal_indices = scene->normal_indices;
-    shape.colors = scene->colors;
-    shape.texcoords = scene->texcoords;
-    shape.texcoord_indices = scene->texcoord_indices;
-    shape.materials = scene->material_count ? scene->materials : &rti_grey;
-    shape.material_ids = scene->material_count ? scene->material_ids : NULL;
-    shape.triangle_count = (uint32_t)geo->triangle_count;
-    shape.instance_count = (uint32_t)rti_instance_count(geo);
-    shape.tree_count = (uint32_t)rti_tree_count(geo);
-#if RTI_SPHERES
-    shape.spheres = geo->spheres;
-#endif
-#if RTI_PLANES
-    shape.planes = geo->planes;
-#endif
-    return shape;
-}
-
 /* Writes a surface's normals, of any length, and multiplies tint by its colours; answers its material. Of a hit on a
    primitive of shape itself, in its space. */
 RTI_SHARED(
@@ -6368,7 +6363,7 @@ RTI_INLINE const RTI_GLOBAL rt_material *rti_look_up(const rti_shape *shape, con
 {
     const RTI_GLOBAL rt_material *material;
     uint32_t id = hit->prim;                /* in material_ids, where instances have no place */
-    if (hit->prim < shape->triangle_count) {
+    if (!RTI_SHOWS(SHAPES) || hit->prim < shape->triangle_count) {
         size_t v[3];
         rt_vec3 pq, pr, flat;
         rti_edges_of(shape, hit->prim, v, &pq, &pr);
@@ -6408,18 +6403,12 @@ RTI_SHARED(
 #endif
 RTI_SHARED(
     material = &shape->materials[shape->material_ids ? shape->material_ids[id] : 0];
-    if (RTI_UNLIKELY(material->texture || material->bump)) rti_wear(shape, hit, material, point, gaze, lanes, tint);
+    if (RTI_SHOWS(TEXTURES) && RTI_UNLIKELY(material->texture || material->bump)) rti_wear(shape, hit, material, point, gaze, lanes, tint);
     return material;
 }
 )
 
 #if RTI_INSTANCES
-static const rti_part *rti_part_of(const rti_part *part, uint32_t number)
-{
-    RT_ASSERT(part->parts && part->parts[number] && part->parts[number]->accel && part->parts[number]->geometry);
-    return part->parts[number];
-}
-
 /* By the transpose of inverse; of unit length. */
 RTI_SHARED(
 static rt_vec3 rti_world_normal(const float inverse[12], rt_vec3 n)
@@ -6518,7 +6507,7 @@ RTI_INLINE void rti_meet(const rti_world *world, const rt_ray *ray, const rt_hit
 )
 #if RTI_INSTANCES
 RTI_SHARED(
-    if (hit->inst != RT_NONE) material = rti_look_into(world, hit, point, RTI_SAMPLING_OR(path->time, 0), &gaze, lanes, tint);
+    if (RTI_SHOWS(INSTANCES) && hit->inst != RT_NONE) material = rti_look_into(world, hit, point, RTI_SAMPLING_OR(path->time, 0), &gaze, lanes, tint);
     else
 )
 #endif
@@ -6543,29 +6532,6 @@ RTI_SHARED(
     if (known->glows) rti_add_to(sum, path->weight, material->emission);
 }
 )
-
-/* From the n hits of a batch to the surfaces that they are on, whose number is answered; adds what those glow, and the background. */
-static size_t rti_look_at(rti_render *r, size_t n, bool last)
-{
-    rti_known known = { NULL, false, false };
-    size_t i, seen = 0;
-    r->shiny_count = 0;
-    for (i = 0; i < n; i++) {
-        rti_path *path = &r->paths[seen];
-        rt_vec3 *sum;
-        *path = r->paths[i];
-        sum = &r->sums[path->pixel];
-        if (r->hits[i].prim == RT_NONE) {
-            rti_add_to(sum, path->weight, r->world.background);
-            continue;
-        }
-        rti_meet(&r->world, &r->rays[i], &r->hits[i], path, &known, rti_lanes(r->surfaces, seen), &r->tints[seen], &r->inside[seen], sum);
-        r->materials[seen] = known.material;
-        if (known.shiny && !last) r->shiny[r->shiny_count++] = (unsigned short)seen;
-        seen++;
-    }
-    return seen;
-}
 
 #if RTI_SAMPLING
 
@@ -6773,47 +6739,6 @@ RTI_INLINE void rti_shine(const float *lanes, rt_vec3 tint, rt_vec3 weight, cons
 }
 )
 
-/* Adds what the lights make of the surfaces seen. */
-static void rti_light_up(rti_render *r, size_t seen, rti_kind_of_ray kind)
-{
-    const rt_scene *scene = r->scene;
-    size_t number, i, m;
-    r->job.query = RT_ANY;
-    r->job.tuner = &r->tuners[1][kind];
-    for (number = 0; number < scene->light_count; number++) {
-        const rt_light *light = &scene->lights[number];
-        const rt_vec3 color = light->color;
-        const bool sized = RTI_SAMPLING_OR(rti_has_size(light), false);
-#if RTI_SAMPLING
-        for (i = 0; sized && i < seen; i++)
-            r->shares[i] = rti_sample_light(&r->film, &r->paths[i], light, (uint32_t)number, rti_lanes(r->surfaces, i));
-#endif
-        r->aim(r->surfaces, seen, sized ? NULL : &light->position);
-        for (i = m = 0; i < seen; i++) {
-            const float *lanes = rti_lanes(r->surfaces, i);
-            if (!rti_faces_light(lanes, r->tints[i], r->materials[i])) continue;
-#if RTI_SAMPLING
-            if (sized && !(r->shares[i] > 0)) continue;
-            if (r->film.timed) r->times[m] = r->paths[i].time;
-#endif
-            rti_set_ray(&r->rays[m], rti_get(lanes, RTI_POINT), rti_get(lanes, RTI_TO_LIGHT), 1);
-            r->lit[m++] = (unsigned short)i;
-        }
-        r->batch(scene->accel, &r->job, r->rays, m, r->hits);
-        r->counts.shadow += m;
-        for (i = 0; i < m; i++) {
-            const size_t at = r->lit[i];
-            const rti_path *path = &r->paths[at];
-            rt_vec3 shone = color;
-            if (r->hits[i].prim != RT_NONE) continue;
-#if RTI_SAMPLING
-            if (sized) shone = rti_scale(color, r->shares[at]);
-#endif
-            rti_shine(rti_lanes(r->surfaces, at), r->tints[at], path->weight, r->materials[at], shone, &r->sums[path->pixel]);
-        }
-    }
-}
-
 /* The direction behind a surface of a ray that came from view, and the part of the light that is mirrored; false: all of it. eta is the
    index of refraction on this side over that on the other. */
 RTI_SHARED(
@@ -6865,7 +6790,7 @@ RTI_NOINLINE unsigned rti_bounce_off(const rti_film *film, const rti_path *path,
         normal = geometric;
         mirror = rti_sub(rti_scale(normal, 2 * rti_dot(normal, view)), view);
     }
-    if (rti_any(transmit)) {
+    if (RTI_SHOWS(GLASS) && rti_any(transmit)) {
         const float ior = material->ior > 0 ? material->ior : 1, eta = inside ? ior : 1 / ior;
         float part;
         bool open = rti_bend(view, normal, eta, &bent, &part);
@@ -6878,7 +6803,7 @@ RTI_NOINLINE unsigned rti_bounce_off(const rti_film *film, const rti_path *path,
 )
 #if RTI_SAMPLING
 RTI_SHARED(
-            if (material->roughness > 0) bent = rti_roughen(film, path, RTI_ON_LOBE + 0x10000u, material->roughness, bent, geometric, -1);
+            if (RTI_SHOWS(ROUGHNESS) && material->roughness > 0) bent = rti_roughen(film, path, RTI_ON_LOBE + 0x10000u, material->roughness, bent, geometric, -1);
 )
 #endif
 RTI_SHARED(
@@ -6892,7 +6817,7 @@ RTI_SHARED(
 )
 #if RTI_SAMPLING
 RTI_SHARED(
-        if (material->roughness > 0) mirror = rti_roughen(film, path, RTI_ON_LOBE, material->roughness, mirror, geometric, 1);
+        if (RTI_SHOWS(ROUGHNESS) && material->roughness > 0) mirror = rti_roughen(film, path, RTI_ON_LOBE, material->roughness, mirror, geometric, 1);
 )
 #endif
 RTI_SHARED(
@@ -6902,62 +6827,6 @@ RTI_SHARED(
     return sent;
 }
 )
-
-/* Sends rays from the shiny surfaces to the stack: what is mirrored below what is refracted, so that no mirror moves them. */
-static void rti_bounce(rti_render *r, int level)
-{
-    const size_t base = r->waiting_count, most = r->shiny_count;
-    size_t i, reflected = 0, refracted = 0;
-    RT_ASSERT(base + 2 * most <= r->waiting_space);
-    for (i = 0; i < most; i++) {
-        const size_t at = r->shiny[i];
-        rt_ray *const rays[2] = { r->waiting_rays + base + reflected, r->waiting_rays + base + most + refracted };
-        rti_path *const paths[2] = { r->waiting + base + reflected, r->waiting + base + most + refracted };
-        const unsigned sent = rti_bounce_off(&r->film, &r->paths[at], r->materials[at], r->inside[at], rti_lanes(r->surfaces, at), rays,
-                                             paths);
-        reflected += sent & 1;
-        refracted += sent >> 1;
-    }
-    if (reflected < most) {
-        memmove(r->waiting_rays + base + reflected, r->waiting_rays + base + most, refracted * sizeof *r->waiting_rays);
-        memmove(r->waiting + base + reflected, r->waiting + base + most, refracted * sizeof *r->waiting);
-    }
-    r->waiting_count = base + reflected + refracted;
-    for (i = 0; i < 2; i++) {
-        rti_group group;
-        group.count = i ? refracted : reflected;
-        group.level = level;
-        group.kind = i ? RTI_REFRACT : RTI_REFLECT;
-        if (group.count) r->groups[r->group_count++] = group;
-    }
-}
-
-/* Takes the next batch from the stack. Each of its rays frees one place and may send two, so a batch takes at most half of the places that
-   are free, and leaves one for each level still to come: there are more at first, and so always enough for one ray. */
-static size_t rti_take(rti_render *r)
-{
-    rti_group *top = &r->groups[r->group_count - 1];
-    const size_t more = (size_t)(r->depth - top->level), space = r->waiting_space - r->waiting_count;
-    size_t count = top->count, most = (size_t)r->side * (size_t)r->side;
-    if (more && most > (space + 1) / 2) most = (space + 1) / 2;
-    if (more && most > space - (more - 1)) most = space - (more - 1);
-    if (count > most) count = most;
-    RT_ASSERT(count > 0);
-    top->count -= count;
-    if (!top->count) r->group_count--;
-    r->waiting_count -= count;
-    memcpy(r->rays, r->waiting_rays + r->waiting_count, count * sizeof *r->rays);
-    memcpy(r->paths, r->waiting + r->waiting_count, count * sizeof *r->paths);
-#if RTI_SAMPLING
-    if (r->film.timed) {
-        size_t i;
-        for (i = 0; i < count; i++) r->times[i] = r->paths[i].time;
-    }
-#endif
-    return count;
-}
-
-#define RTI_MAX_SPP  (1 << 20)              /* RT_MAX_SPP, which RT_NO_SAMPLING leaves out */
 
 /* Offset of sample i of n in a pixel: the middle, a grid, or the R2 sequence (Roberts 2018) where n is no square. */
 RTI_SHARED(
@@ -6975,15 +6844,6 @@ static void rti_subpixel(int i, int n, float *x, float *y)
     }
 }
 )
-
-/* Every other bit of a Morton code of two 5-bit coordinates. */
-static unsigned rti_unzip(unsigned code)
-{
-    code &= 0x155;
-    code = (code | code >> 1) & 0x133;
-    code = (code | code >> 2) & 0x10f;
-    return (code | code >> 4) & 0x1f;
-}
 
 RTI_SHARED(
 RTI_INLINE void rti_start_path(rti_path *path, uint32_t pixel, float time)
@@ -7003,30 +6863,6 @@ RTI_SHARED(
     (void)time;
 }
 )
-
-/* The eye rays of a block through (dx, dy) of each pixel, in Morton order, so that those which follow each other are neighbours. */
-static size_t rti_look(rti_render *r, const int box[4], float dx, float dy)
-{
-    const unsigned width = (unsigned)(box[2] - box[0]), height = (unsigned)(box[3] - box[1]), side = (unsigned)r->side;
-    const rti_view *view = &r->film.view;
-    const rt_vec3 eye = view->eye, corner = view->corner;
-    rt_vec3 right[RTI_MAX_BLOCK], down[RTI_MAX_BLOCK];
-    rt_ray *ray = r->rays;
-    rti_path *path = r->paths;
-    unsigned i, k;
-    for (i = 0; i < width; i++) right[i] = rti_scale(view->right, (float)(box[0] + (int)i) + dx);
-    for (i = 0; i < height; i++) down[i] = rti_scale(view->down, (float)(box[1] + (int)i) + dy);
-    for (i = 0; i < side * side / 4; i++) {
-        const unsigned left = 2 * rti_unzip(i), top = 2 * rti_unzip(i >> 1);
-        for (k = 0; k < 4; k++) {
-            const unsigned x = left + k % 2, y = top + k / 2;
-            if (x >= width || y >= height) continue;
-            rti_set_ray(ray++, eye, rti_add(corner, rti_add(right[x], down[y])), RTI_INFINITY);     /* the arithmetic of rti_view_ray */
-            rti_start_path(path++, y * side + x, RTI_SAMPLING_OR(r->film.open, 0));
-        }
-    }
-    return (size_t)(ray - r->rays);
-}
 
 #if RTI_SAMPLING
 /* A coordinate in the pixel, whose middle is 0.5, as dense as the filter. */
@@ -7086,6 +6922,216 @@ RTI_INLINE void rti_spread(const rti_film *film, rti_path *path, rt_ray *ray)
 }
 )
 #endif
+#endif
+#if RTI_IN(HOST)
+
+/* ---- >>render ------------------------------------------------------------------------------------------------------- */
+
+#ifndef RT_NO_SHADING
+
+/* A block of pixels is drawn in batches of rays that are traced together: its eye rays, then those that follow, each batch from one
+   batch and of one kind, in the order of their pixels on the screen ([Overbeck] 2.4). What is still to trace waits in a stack, of which
+   the last rays go first. So memory is bounded, and whatever the size of the batches, what a pixel sees is summed up in the
+   same order: a ray, what it sees refracted, what it sees mirrored. */
+
+#define RTI_MAX_BLOCK 32                    /* pixels a side: for packets of 32 x 32 rays */
+#define RTI_DEPTH 5                         /* levels, when none are asked for */
+
+/* Waiting rays of one kind and level from one batch; a group lies on top of the one before it. */
+typedef struct { size_t count; int level; rti_kind_of_ray kind; } rti_group;
+
+/* One call of rt_render_tile. */
+typedef struct {
+    const rt_scene *scene;
+    const rt_raster *raster;
+    rti_batch_function batch;
+    rti_finish_function finish;
+    rti_aim_function aim;
+    rti_job job;
+    rti_tuner tuners[2][3];                 /* of closest and any hits; by the kind of ray that is traced, or lit */
+    rti_world world;
+    rti_film film;
+    rt_ray_counts counts;
+    int depth, spp, side;                   /* side: of a block, in pixels */
+#if RTI_SAMPLING
+    float *times;                           /* one a ray of the batch, for those below */
+    float *shares;                          /* of a light with a size: what its point counts, one a surface */
+#endif
+
+    /* One batch, of at most side * side rays. Compacted on the way: first what is traced, then what is seen, then its shadow rays. */
+    rt_ray *rays;
+    rt_hit *hits;
+    rti_path *paths;
+    const rt_material **materials;
+    rt_vec3 *tints;                         /* weight * diffuse colour */
+    bool *inside;                           /* the surface was met from its inside; known where there is more to trace */
+    unsigned short *shiny, *lit;            /* surfaces that reflect or transmit; that the shadow rays start from */
+    size_t shiny_count;
+    rti_surfaces *surfaces;
+
+    rt_vec3 *sums;                          /* of the block's pixels */
+    rt_ray *waiting_rays;
+    rti_path *waiting;
+    size_t waiting_count, waiting_space;
+    rti_group groups[2 * RT_MAX_DEPTH];     /* two a level: of all above but the last batch's, only rests are left */
+    int group_count;
+} rti_render;
+
+/* The numbers of surface i stand RTI_ABREAST apart from there. */
+RTI_INLINE float *rti_lanes(rti_surfaces *s, size_t i) { return s[i / RTI_ABREAST].lanes + i % RTI_ABREAST; }
+
+/* From the n hits of a batch to the surfaces that they are on, whose number is answered; adds what those glow, and the background. */
+static size_t rti_look_at(rti_render *r, size_t n, bool last)
+{
+    rti_known known = { NULL, false, false };
+    size_t i, seen = 0;
+    r->shiny_count = 0;
+    for (i = 0; i < n; i++) {
+        rti_path *path = &r->paths[seen];
+        rt_vec3 *sum;
+        *path = r->paths[i];
+        sum = &r->sums[path->pixel];
+        if (r->hits[i].prim == RT_NONE) {
+            rti_add_to(sum, path->weight, r->world.background);
+            continue;
+        }
+        rti_meet(&r->world, &r->rays[i], &r->hits[i], path, &known, rti_lanes(r->surfaces, seen), &r->tints[seen], &r->inside[seen], sum);
+        r->materials[seen] = known.material;
+        if (known.shiny && !last) r->shiny[r->shiny_count++] = (unsigned short)seen;
+        seen++;
+    }
+    return seen;
+}
+
+/* Adds what the lights make of the surfaces seen. */
+static void rti_light_up(rti_render *r, size_t seen, rti_kind_of_ray kind)
+{
+    const rt_scene *scene = r->scene;
+    size_t number, i, m;
+    r->job.query = RT_ANY;
+    r->job.tuner = &r->tuners[1][kind];
+    for (number = 0; number < scene->light_count; number++) {
+        const rt_light *light = &scene->lights[number];
+        const rt_vec3 color = light->color;
+        const bool sized = RTI_SAMPLING_OR(rti_has_size(light), false);
+#if RTI_SAMPLING
+        for (i = 0; sized && i < seen; i++)
+            r->shares[i] = rti_sample_light(&r->film, &r->paths[i], light, (uint32_t)number, rti_lanes(r->surfaces, i));
+#endif
+        r->aim(r->surfaces, seen, sized ? NULL : &light->position);
+        for (i = m = 0; i < seen; i++) {
+            const float *lanes = rti_lanes(r->surfaces, i);
+            if (!rti_faces_light(lanes, r->tints[i], r->materials[i])) continue;
+#if RTI_SAMPLING
+            if (sized && !(r->shares[i] > 0)) continue;
+            if (r->film.timed) r->times[m] = r->paths[i].time;
+#endif
+            rti_set_ray(&r->rays[m], rti_get(lanes, RTI_POINT), rti_get(lanes, RTI_TO_LIGHT), 1);
+            r->lit[m++] = (unsigned short)i;
+        }
+        r->batch(scene->accel, &r->job, r->rays, m, r->hits);
+        r->counts.shadow += m;
+        for (i = 0; i < m; i++) {
+            const size_t at = r->lit[i];
+            const rti_path *path = &r->paths[at];
+            rt_vec3 shone = color;
+            if (r->hits[i].prim != RT_NONE) continue;
+#if RTI_SAMPLING
+            if (sized) shone = rti_scale(color, r->shares[at]);
+#endif
+            rti_shine(rti_lanes(r->surfaces, at), r->tints[at], path->weight, r->materials[at], shone, &r->sums[path->pixel]);
+        }
+    }
+}
+
+/* Sends rays from the shiny surfaces to the stack: what is mirrored below what is refracted, so that no mirror moves them. */
+static void rti_bounce(rti_render *r, int level)
+{
+    const size_t base = r->waiting_count, most = r->shiny_count;
+    size_t i, reflected = 0, refracted = 0;
+    RT_ASSERT(base + 2 * most <= r->waiting_space);
+    for (i = 0; i < most; i++) {
+        const size_t at = r->shiny[i];
+        rt_ray *const rays[2] = { r->waiting_rays + base + reflected, r->waiting_rays + base + most + refracted };
+        rti_path *const paths[2] = { r->waiting + base + reflected, r->waiting + base + most + refracted };
+        const unsigned sent = rti_bounce_off(&r->film, &r->paths[at], r->materials[at], r->inside[at], rti_lanes(r->surfaces, at), rays,
+                                             paths);
+        reflected += sent & 1;
+        refracted += sent >> 1;
+    }
+    if (reflected < most) {
+        memmove(r->waiting_rays + base + reflected, r->waiting_rays + base + most, refracted * sizeof *r->waiting_rays);
+        memmove(r->waiting + base + reflected, r->waiting + base + most, refracted * sizeof *r->waiting);
+    }
+    r->waiting_count = base + reflected + refracted;
+    for (i = 0; i < 2; i++) {
+        rti_group group;
+        group.count = i ? refracted : reflected;
+        group.level = level;
+        group.kind = i ? RTI_REFRACT : RTI_REFLECT;
+        if (group.count) r->groups[r->group_count++] = group;
+    }
+}
+
+/* Takes the next batch from the stack. Each of its rays frees one place and may send two, so a batch takes at most half of the places that
+   are free, and leaves one for each level still to come: there are more at first, and so always enough for one ray. */
+static size_t rti_take(rti_render *r)
+{
+    rti_group *top = &r->groups[r->group_count - 1];
+    const size_t more = (size_t)(r->depth - top->level), space = r->waiting_space - r->waiting_count;
+    size_t count = top->count, most = (size_t)r->side * (size_t)r->side;
+    if (more && most > (space + 1) / 2) most = (space + 1) / 2;
+    if (more && most > space - (more - 1)) most = space - (more - 1);
+    if (count > most) count = most;
+    RT_ASSERT(count > 0);
+    top->count -= count;
+    if (!top->count) r->group_count--;
+    r->waiting_count -= count;
+    memcpy(r->rays, r->waiting_rays + r->waiting_count, count * sizeof *r->rays);
+    memcpy(r->paths, r->waiting + r->waiting_count, count * sizeof *r->paths);
+#if RTI_SAMPLING
+    if (r->film.timed) {
+        size_t i;
+        for (i = 0; i < count; i++) r->times[i] = r->paths[i].time;
+    }
+#endif
+    return count;
+}
+
+#define RTI_MAX_SPP  (1 << 20)              /* RT_MAX_SPP, which RT_NO_SAMPLING leaves out */
+
+/* Every other bit of a Morton code of two 5-bit coordinates. */
+static unsigned rti_unzip(unsigned code)
+{
+    code &= 0x155;
+    code = (code | code >> 1) & 0x133;
+    code = (code | code >> 2) & 0x10f;
+    return (code | code >> 4) & 0x1f;
+}
+
+/* The eye rays of a block through (dx, dy) of each pixel, in Morton order, so that those which follow each other are neighbours. */
+static size_t rti_look(rti_render *r, const int box[4], float dx, float dy)
+{
+    const unsigned width = (unsigned)(box[2] - box[0]), height = (unsigned)(box[3] - box[1]), side = (unsigned)r->side;
+    const rti_view *view = &r->film.view;
+    const rt_vec3 eye = view->eye, corner = view->corner;
+    rt_vec3 right[RTI_MAX_BLOCK], down[RTI_MAX_BLOCK];
+    rt_ray *ray = r->rays;
+    rti_path *path = r->paths;
+    unsigned i, k;
+    for (i = 0; i < width; i++) right[i] = rti_scale(view->right, (float)(box[0] + (int)i) + dx);
+    for (i = 0; i < height; i++) down[i] = rti_scale(view->down, (float)(box[1] + (int)i) + dy);
+    for (i = 0; i < side * side / 4; i++) {
+        const unsigned left = 2 * rti_unzip(i), top = 2 * rti_unzip(i >> 1);
+        for (k = 0; k < 4; k++) {
+            const unsigned x = left + k % 2, y = top + k / 2;
+            if (x >= width || y >= height) continue;
+            rti_set_ray(ray++, eye, rti_add(corner, rti_add(right[x], down[y])), RTI_INFINITY);     /* the arithmetic of rti_view_ray */
+            rti_start_path(path++, y * side + x, RTI_SAMPLING_OR(r->film.open, 0));
+        }
+    }
+    return (size_t)(ray - r->rays);
+}
 
 /* One sample of every pixel of a block, added to the sums. */
 static void rti_render_block(rti_render *r, const int box[4], int sample)
@@ -7331,7 +7377,17 @@ static rt_status rti_check_distribution(const rt_render_options *opt)
     return RT_OK;
 }
 
-static void rti_set_distribution(rti_film *film, const rt_scene *scene, const rt_render_options *opt, int spp)
+static bool rti_moves(const rt_accel *accel)
+{
+#if RTI_INSTANCES
+    return accel->moves;
+#else
+    (void)accel;
+    return false;
+#endif
+}
+
+static void rti_set_distribution(rti_film *film, const rt_camera *camera, bool moves, const rt_render_options *opt, int spp)
 {
     film->sampler.kind = opt->sampler;
     film->sampler.spp = (uint32_t)spp;
@@ -7339,14 +7395,15 @@ static void rti_set_distribution(rti_film *film, const rt_scene *scene, const rt
     film->sampler.frame = opt->frame;
     film->filter = opt->filter;
     film->spread = opt->sampler != RT_SAMPLER_AUTO || opt->filter != RT_FILTER_BOX;
-    film->lens = rti_make_aperture(&scene->camera, &film->view, &opt->lens);
-#if RTI_INSTANCES
-    film->timed = opt->lens.close > 0 && scene->accel->moves;
-#endif
+    film->lens = rti_make_aperture(camera, &film->view, &opt->lens);
+    film->timed = opt->lens.close > 0 && moves;
     film->open = opt->lens.open;
     film->length = opt->lens.close - opt->lens.open;
 }
 #endif
+
+/* How wide a ray of a sample is after a unit of length. */
+static float rti_angle_of(const rti_view *view, int spp) { return sqrtf(rti_dot(view->right, view->right) / (float)spp); }
 
 static void rti_set_world(rti_render *r, const rt_scene *scene, int width, int height)
 {
@@ -7355,7 +7412,7 @@ static void rti_set_world(rti_render *r, const rt_scene *scene, int width, int h
     r->world.shape = rti_shape_of(scene);
     r->world.ambient = scene->ambient;
     r->world.background = scene->background;
-    r->world.angle = sqrtf(rti_dot(r->film.view.right, r->film.view.right) / (float)r->spp);
+    r->world.angle = rti_angle_of(&r->film.view, r->spp);
 #if RTI_INSTANCES
     r->world.accel = scene->accel;
     r->world.part = scene;
@@ -7379,6 +7436,36 @@ static void rti_choose_shaders(rti_render *r, rt_isa isa)
 #endif
 }
 
+/* What rt_render_tile is given, but for the scene. */
+static rt_status rti_check_tile(const rt_render_options *opt, const int tile[4])
+{
+    rt_error *const error = opt->trace.error;
+    if (opt->width < 1 || opt->height < 1 || opt->width > RTI_MAX_SIDE || opt->height > RTI_MAX_SIDE)
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "a picture of %d x %d: each must lie between 1 and %d", opt->width, opt->height,
+                        RTI_MAX_SIDE);
+    if (tile[0] < 0 || tile[1] < 0 || tile[0] > tile[2] || tile[1] > tile[3] || tile[2] > opt->width || tile[3] > opt->height)
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "the tile (%d, %d) to (%d, %d) leaves the picture of %d x %d", tile[0], tile[1],
+                        tile[2], tile[3], opt->width, opt->height);
+    if (opt->spp < 0 || opt->spp > RTI_MAX_SPP)
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "spp is %d: it must lie between 0 (as 1) and %d", opt->spp, RTI_MAX_SPP);
+    if (opt->depth > RT_MAX_DEPTH)
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "depth is %d: it must be negative (none), 0 (as %d) or at most %d", opt->depth,
+                        RTI_DEPTH, RT_MAX_DEPTH);
+#if RTI_SAMPLING
+    return rti_check_distribution(opt);
+#else
+    return RT_OK;
+#endif
+}
+
+static rt_status rti_check_camera(const rt_camera *camera, rt_error *error)
+{
+    if (camera->fov > 0 && camera->fov < 180) return RT_OK;
+    return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "the camera's fov must lie between 0 and 180 degrees");
+}
+
+static int rti_depth_of(const rt_render_options *opt) { return opt->depth > 0 ? opt->depth : opt->depth ? 0 : RTI_DEPTH; }
+
 RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *opt, int x0, int y0, int x1, int y1, rt_vec3 *pixels,
                                 rt_ray_counts *rays)
 {
@@ -7387,23 +7474,8 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
     rt_status status;
     if (!opt) return RT_ERROR_ARGUMENT;     /* nowhere to put a message */
     if (!scene || !pixels) return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", scene ? "pixels" : "scene");
-    if (opt->width < 1 || opt->height < 1 || opt->width > RTI_MAX_SIDE || opt->height > RTI_MAX_SIDE)
-        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "a picture of %d x %d: each must lie between 1 and %d", opt->width,
-                        opt->height, RTI_MAX_SIDE);
-    if (x0 < 0 || y0 < 0 || x0 > x1 || y0 > y1 || x1 > opt->width || y1 > opt->height)
-        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "the tile (%d, %d) to (%d, %d) leaves the picture of %d x %d",
-                        x0, y0, x1, y1, opt->width, opt->height);
-    if (opt->spp < 0 || opt->spp > RTI_MAX_SPP)
-        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "spp is %d: it must lie between 0 (as 1) and %d", opt->spp,
-                        RTI_MAX_SPP);
-    if (opt->depth > RT_MAX_DEPTH)
-        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "depth is %d: it must be negative (none), 0 (as %d) or at most %d",
-                        opt->depth, RTI_DEPTH, RT_MAX_DEPTH);
-    if (!(scene->camera.fov > 0 && scene->camera.fov < 180))
-        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "the camera's fov must lie between 0 and 180 degrees");
-#if RTI_SAMPLING
-    if ((status = rti_check_distribution(opt)) != RT_OK) return status;
-#endif
+    if ((status = rti_check_tile(opt, tile)) != RT_OK) return status;
+    if ((status = rti_check_camera(&scene->camera, opt->trace.error)) != RT_OK) return status;
     if ((status = rti_scene_lacks(scene, opt->trace.error)) != RT_OK) return status;
     if (opt->raster && !rti_raster_fits(opt->raster, scene->geometry, &scene->camera, opt->width, opt->height))
         return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE,
@@ -7415,11 +7487,11 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
     r.tuners[0][RTI_EYE].rest = UINT_MAX;
     r.raster = opt->raster;
     r.spp = opt->spp ? opt->spp : 1;
-    r.depth = opt->depth > 0 ? opt->depth : opt->depth ? 0 : RTI_DEPTH;
+    r.depth = rti_depth_of(opt);
     rti_set_world(&r, scene, opt->width, opt->height);
     r.job.times = NULL;
 #if RTI_SAMPLING
-    rti_set_distribution(&r.film, scene, opt, r.spp);
+    rti_set_distribution(&r.film, &scene->camera, rti_moves(scene->accel), opt, r.spp);
 #endif
     if (opt->trace.packet_width > RTI_BLOCK) rti_render_large(&r, tile, opt->width, pixels);
     else rti_render_small(&r, tile, opt->width, pixels);
@@ -10815,6 +10887,9 @@ RTI_FN rti_v rti_vsqrt(rti_v a) { return _mm_sqrt_ps(a); }
 RTI_FN rti_v rti_vsqrt(rti_v a) { return _mm256_sqrt_ps(a); }
 #endif
 
+#endif
+#endif
+#if RTI_IN(SHADE) && !defined(RT_NO_SHADING)
 RTI_SHARED(
 RTI_FN rti_v rti_vdot(const rti_v a[3], const rti_v b[3])
 {
@@ -10884,11 +10959,6 @@ RTI_FN void rti_finish_lanes(float *lanes)
     rti_vstore(lanes + RTI_OFFSET * RTI_ABREAST, offset);
 }
 )
-RTI_NOINLINE RTI_TARGET void rti_finish(rti_surfaces *s, size_t count)
-{
-    size_t at;
-    for (at = 0; at < count; at += RTI_WIDTH) rti_finish_lanes(s[at / RTI_ABREAST].lanes + at % RTI_ABREAST);
-}
 
 /* What one light, there, does to each surface that it may reach. */
 RTI_SHARED(
@@ -10912,6 +10982,16 @@ RTI_FN void rti_aim_lanes(float *lanes, const rti_v there[3])
     rti_vstore(lanes + RTI_HIGHLIGHT * RTI_ABREAST, rti_vsub(rti_vround(mirrored), rti_vdot(to, view)));
 }
 )
+#endif
+#if RTI_IN(HOST)
+
+#ifndef RT_NO_SHADING
+RTI_NOINLINE RTI_TARGET void rti_finish(rti_surfaces *s, size_t count)
+{
+    size_t at;
+    for (at = 0; at < count; at += RTI_WIDTH) rti_finish_lanes(s[at / RTI_ABREAST].lanes + at % RTI_ABREAST);
+}
+
 RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec3 *light)
 {
     const rti_v zero = rti_vset(0);

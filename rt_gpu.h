@@ -19,8 +19,8 @@
 
    CONTENTS (search for the tag)
 
-       declarations    >>gpu-device  >>gpu-accel  >>gpu-trace  >>gpu-buffers
-       implementation  >>gpu-opencl  >>gpu-open   >>gpu-upload >>gpu-text    >>gpu-program  >>gpu-run
+       declarations    >>gpu-device  >>gpu-accel  >>gpu-trace  >>gpu-buffers  >>gpu-scene
+       implementation  >>gpu-opencl  >>gpu-open   >>gpu-upload >>gpu-text    >>gpu-program  >>gpu-run  >>gpu-render
 
    LIFETIME AND THREADS
 
@@ -159,6 +159,28 @@ RT_API bool rt_gpu_done(const rt_gpu_event *event);
 
 /* Waits for all that gpu was told. */
 RT_API rt_status rt_gpu_finish(rt_gpu *gpu, rt_error *error);
+
+/* ---- >>gpu-scene ---------------------------------------------------------------------------------------------------- */
+
+#ifndef RT_NO_SHADING
+
+typedef struct rt_gpu_scene rt_gpu_scene;   /* an rt_scene with its accel, and all parts, on a device */
+
+/* Copies scene, of which rt_check_scene must hold, with its accel, geometry, materials, textures, lights and parts, each array once. Changes
+   are not seen, but for the camera's, which rt_gpu_set_camera makes. RT_ERROR_MEMORY: it does not fit. error may be NULL. */
+RT_API rt_status rt_gpu_upload_scene(rt_gpu *gpu, rt_gpu_scene **out, const rt_scene *scene, rt_error *error);
+RT_API void rt_gpu_free_scene(rt_gpu_scene *scene);
+RT_API void rt_gpu_set_camera(rt_gpu_scene *scene, const rt_camera *camera);
+
+/* Bytes that it takes on the device. */
+RT_API size_t rt_gpu_scene_bytes(const rt_gpu_scene *scene);
+
+/* As rt_render_tile, and the same picture, bit for bit. Rays are traced by any algorithm that rt_gpu_trace has, all of a sample's at once: so
+   large tiles are the fastest, the whole picture at best; it is cut up to fit the device. Of opt, trace is as for rt_gpu_trace. */
+RT_API rt_status rt_gpu_render_tile(rt_gpu *gpu, const rt_gpu_scene *scene, const rt_render_options *opt, int x0, int y0, int x1, int y1,
+                                    rt_vec3 *pixels, rt_ray_counts *rays);
+
+#endif
 
 #endif /* RT_GPU_H */
 
@@ -331,7 +353,8 @@ struct rt_gpu {
     rti_gpu_program *programs;
     size_t program_count;
     rti_gpu_object *objects;
-    rt_gpu_buffer *rays, *hits, *times;     /* of rt_gpu_trace */
+    rt_gpu_buffer *rays, *hits, *times;     /* of rt_gpu_trace; then of a tile, with: */
+    rt_gpu_buffer *work;
     void *memory_user;
 };
 struct rt_gpu_buffer { rti_gpu_object object; };
@@ -619,7 +642,7 @@ RT_API rt_status rt_gpu_read(rt_gpu_buffer *buffer, size_t offset, void *to, siz
 /* rt.h's own RTI_SHARED and RTI_IN are done with: from here on they serve the parts of both files. */
 #undef RTI_IN
 #define RTI_IN(part) (RTI_TEXT == RTI_TEXT_##part)
-/* The parts, in the order in which a program has them; HOST is in none, and LAYOUT is C too. */
+/* The parts, in the order in which a program has them; HOST is in none, and LAYOUT and SCENE are C too. */
 #define RTI_TEXT_HOST           0
 #define RTI_TEXT_LAYOUT         1
 #define RTI_TEXT_TYPES          2
@@ -643,10 +666,20 @@ RT_API rt_status rt_gpu_read(rt_gpu_buffer *buffer, size_t offset, void *to, siz
 #define RTI_TEXT_THREADED_BODY  20
 #define RTI_TEXT_WALK           21
 #define RTI_TEXT_TRACE          22
+#define RTI_TEXT_SCENE          23
+#define RTI_TEXT_SHADES         24
+#define RTI_TEXT_SHADING        25
+#define RTI_TEXT_SHADE          26
+#define RTI_TEXT_FRAME          27
 
 #define RTI_TEXT RTI_TEXT_LAYOUT            /* as C */
 #include RT_GPU_KERNELS
 #undef RTI_TEXT
+#ifndef RT_NO_SHADING
+#define RTI_TEXT RTI_TEXT_SCENE
+#include RT_GPU_KERNELS
+#undef RTI_TEXT
+#endif
 
 /* What is true of any accel of one level of nesting. */
 typedef struct {
@@ -666,7 +699,7 @@ struct rt_gpu_accel {
 /* Arrays of an accel on the device. */
 typedef enum {
     RTI_GPU_NODES, RTI_GPU_KDNODES, RTI_GPU_KDLINKS, RTI_GPU_KDSLOTS, RTI_GPU_LINKS, RTI_GPU_TRIANGLES, RTI_GPU_BALLS, RTI_GPU_PLANES,
-    RTI_GPU_INSTANCES, RTI_GPU_WIDE, RTI_GPU_ARRAYS
+    RTI_GPU_INSTANCES, RTI_GPU_WIDE, RTI_GPU_BASES, RTI_GPU_SLOTS, RTI_GPU_ARRAYS
 } rti_gpu_array;
 
 /* An accel on its way to the device. */
@@ -678,73 +711,92 @@ typedef struct {
     uint32_t wide_depth;
 } rti_gpu_part;
 
+/* Numbers things by their address, in the order in which they come. */
 typedef struct {
-    rt_gpu *gpu;
-    rti_gpu_part *parts;
+    const void **things;
     size_t count, space;
-    uint32_t *table;                        /* of parts by their accel, plus 1; 0: empty */
-    size_t table_size;                      /* a power of 2, more than twice the count */
-} rti_gpu_upload;
+    uint32_t *table;                        /* of numbers, plus 1; 0: empty; a power of 2, more than twice the count */
+    size_t table_size;
+    void *user;
+} rti_gpu_names;
 
-static size_t rti_gpu_place(const rti_gpu_upload *u, const rt_accel *accel)
+static size_t rti_gpu_place(const rti_gpu_names *n, const void *thing)
 {
-    size_t at = (size_t)((uintptr_t)accel / sizeof(void *) * 0x9e3779b97f4a7c15u >> 20) & (u->table_size - 1);
-    while (u->table[at] && u->parts[u->table[at] - 1].accel != accel) at = (at + 1) & (u->table_size - 1);
+    size_t at = (size_t)((uintptr_t)thing / sizeof(void *) * 0x9e3779b97f4a7c15u >> 20) & (n->table_size - 1);
+    while (n->table[at] && n->things[n->table[at] - 1] != thing) at = (at + 1) & (n->table_size - 1);
     return at;
 }
 
-static bool rti_gpu_grow(rti_gpu_upload *u)
+static bool rti_gpu_grow(rti_gpu_names *n)
 {
-    void *const user = u->gpu->memory_user;
-    const size_t space = u->space ? 2 * u->space : 16;
-    rti_gpu_part *parts = (rti_gpu_part *)rti_alloc(space, sizeof *parts, user);
-    uint32_t *table = (uint32_t *)rti_alloc(4 * space, sizeof *table, user);
+    const size_t space = n->space ? 2 * n->space : 16;
+    const void **things = (const void **)rti_alloc(space, sizeof *things, n->user);
+    uint32_t *table = (uint32_t *)rti_alloc(4 * space, sizeof *table, n->user);
     size_t i;
-    if (!parts || !table) {
-        rti_release(parts, user);
-        rti_release(table, user);
+    if (!things || !table) {
+        rti_release((void *)things, n->user);
+        rti_release(table, n->user);
         return false;
     }
-    if (u->count) memcpy(parts, u->parts, u->count * sizeof *parts);
+    if (n->count) memcpy((void *)things, (const void *)n->things, n->count * sizeof *things);
     memset(table, 0, 4 * space * sizeof *table);
-    rti_release(u->parts, user);
-    rti_release(u->table, user);
-    u->parts = parts;
-    u->space = space;
-    u->table = table;
-    u->table_size = 4 * space;
-    for (i = 0; i < u->count; i++) table[rti_gpu_place(u, parts[i].accel)] = (uint32_t)i + 1;
+    rti_release((void *)n->things, n->user);
+    rti_release(n->table, n->user);
+    n->things = things;
+    n->space = space;
+    n->table = table;
+    n->table_size = 4 * space;
+    for (i = 0; i < n->count; i++) table[rti_gpu_place(n, things[i])] = (uint32_t)i + 1;
     return true;
 }
 
-/* The number of an accel, which is added where it is new; false: no memory. */
-static bool rti_gpu_add(rti_gpu_upload *u, const rt_accel *accel, uint32_t *number)
+/* The number of a thing, which is added where it is new; false: no memory. */
+static bool rti_gpu_add(rti_gpu_names *n, const void *thing, uint32_t *number)
 {
     size_t at;
-    if (u->count == u->space && !rti_gpu_grow(u)) return false;
-    at = rti_gpu_place(u, accel);
-    if (!u->table[at]) {
-        memset(&u->parts[u->count], 0, sizeof *u->parts);
-        u->parts[u->count].accel = accel;
-        u->table[at] = (uint32_t)++u->count;
+    if (n->count == n->space && !rti_gpu_grow(n)) return false;
+    at = rti_gpu_place(n, thing);
+    if (!n->table[at]) {
+        n->things[n->count] = thing;
+        n->table[at] = (uint32_t)++n->count;
     }
-    *number = u->table[at] - 1;
+    *number = n->table[at] - 1;
     return true;
 }
+
+/* The number of what has been added. */
+static uint32_t rti_gpu_number_of(const rti_gpu_names *n, const void *thing) { return n->table[rti_gpu_place(n, thing)] - 1; }
+
+static void rti_gpu_forget(rti_gpu_names *n)
+{
+    rti_release((void *)n->things, n->user);
+    rti_release(n->table, n->user);
+}
+
+typedef struct {
+    rt_gpu *gpu;
+    rti_gpu_names accels;
+    rti_gpu_part *parts;                    /* by number */
+} rti_gpu_upload;
 
 /* All accels below, each once. */
 static bool rti_gpu_collect(rti_gpu_upload *u, const rt_accel *root)
 {
     uint32_t number;
-    bool good = rti_gpu_add(u, root, &number);
+    size_t i;
+    bool good = rti_gpu_add(&u->accels, root, &number);
 #if RTI_INSTANCES
-    size_t done, i;
-    for (done = 0; good && done < u->count; done++) {
-        const rt_accel *accel = u->parts[done].accel;
-        for (i = 0; good && i < accel->slots[RTI_INSTANCE]; i++) good = rti_gpu_add(u, accel->instances[i].accel, &number);
+    size_t done;
+    for (done = 0; good && done < u->accels.count; done++) {
+        const rt_accel *accel = (const rt_accel *)u->accels.things[done];
+        for (i = 0; good && i < accel->slots[RTI_INSTANCE]; i++) good = rti_gpu_add(&u->accels, accel->instances[i].accel, &number);
     }
 #endif
-    return good;
+    if (good) u->parts = (rti_gpu_part *)rti_alloc(u->accels.count, sizeof *u->parts, u->gpu->memory_user);
+    if (!u->parts) return false;
+    memset(u->parts, 0, u->accels.count * sizeof *u->parts);
+    for (i = 0; i < u->accels.count; i++) u->parts[i].accel = (const rt_accel *)u->accels.things[i];
+    return true;
 }
 
 /* ---- wide nodes */
@@ -871,6 +923,7 @@ static bool rti_gpu_measure(rt_gpu *gpu, rti_gpu_part *part)
     bytes[RTI_GPU_BALLS] = a->slots[RTI_SPHERE] * sizeof(rti_ball);
 #if RTI_INSTANCES
     bytes[RTI_GPU_INSTANCES] = a->slots[RTI_INSTANCE] * sizeof(rti_gpu_instance);
+    bytes[RTI_GPU_BASES] = bytes[RTI_GPU_SLOTS] = a->geo.instance_count * sizeof(uint32_t);
 #endif
 #if RTI_PLANES
     bytes[RTI_GPU_PLANES] = a->plane_count * sizeof(rti_ground);
@@ -902,6 +955,10 @@ static const void *rti_gpu_raw(const rt_accel *a, rti_gpu_array array)
 #if RTI_PLANES
     case RTI_GPU_PLANES: return a->planes;
 #endif
+#if RTI_INSTANCES
+    case RTI_GPU_BASES: return a->instance_bases;
+    case RTI_GPU_SLOTS: return a->instance_slots;
+#endif
     default: return NULL;
     }
 }
@@ -929,7 +986,7 @@ static bool rti_gpu_convert(rti_gpu_upload *u, const rti_gpu_part *part, rti_gpu
             memset(out, 0, sizeof *out);
             memcpy(out->transform, in->transform, sizeof out->transform);
             memcpy(out->inverse, in->inverse, sizeof out->inverse);
-            out->accel = u->table[rti_gpu_place(u, in->accel)] - 1;
+            out->accel = rti_gpu_number_of(&u->accels, in->accel);
             out->prim = in->prim;
             out->base = in->base;
             out->moves = in->moves;
@@ -955,6 +1012,8 @@ static void rti_gpu_record_of(const rti_gpu_part *part, rti_gpu_record *r)
 #endif
 #if RTI_INSTANCES
     r->moves = a->moves;
+    r->instance_count = (uint32_t)a->geo.instance_count;
+    r->paths = a->paths;
 #endif
     for (k = 0; k < 3; k++) {
 #if RTI_THREADED
@@ -976,6 +1035,8 @@ static void rti_gpu_record_of(const rti_gpu_part *part, rti_gpu_record *r)
     r->planes = part->at[RTI_GPU_PLANES];
     r->instances = part->at[RTI_GPU_INSTANCES];
     r->wide = part->at[RTI_GPU_WIDE];
+    r->instance_bases = part->at[RTI_GPU_BASES];
+    r->instance_slots = part->at[RTI_GPU_SLOTS];
 }
 
 static void rti_gpu_note_level(rti_gpu_level *level, const rti_gpu_part *part)
@@ -1002,10 +1063,10 @@ static void rti_gpu_note_level(rti_gpu_level *level, const rti_gpu_part *part)
 static bool rti_gpu_note_levels(rti_gpu_upload *u, rt_gpu_accel *there)
 {
     void *const user = u->gpu->memory_user;
-    uint32_t *list = (uint32_t *)rti_alloc(2 * u->count, sizeof *list, user), *now = list, *next;
+    uint32_t *list = (uint32_t *)rti_alloc(2 * u->accels.count, sizeof *list, user), *now = list, *next;
     size_t n = 1, more, i;
     if (!list) return false;
-    next = list + u->count;
+    next = list + u->accels.count;
     now[0] = 0;
     for (there->level_count = 0; n; there->level_count++) {
         more = 0;
@@ -1016,7 +1077,7 @@ static bool rti_gpu_note_levels(rti_gpu_upload *u, rt_gpu_accel *there)
             {
                 size_t j;
                 for (j = 0; j < a->slots[RTI_INSTANCE]; j++) {
-                    const uint32_t child = u->table[rti_gpu_place(u, a->instances[j].accel)] - 1;
+                    const uint32_t child = rti_gpu_number_of(&u->accels, a->instances[j].accel);
                     if (u->parts[child].level == (uint32_t)there->level_count + 1) continue;
                     u->parts[child].level = (uint32_t)there->level_count + 1;
                     next[more++] = child;
@@ -1028,7 +1089,7 @@ static bool rti_gpu_note_levels(rti_gpu_upload *u, rt_gpu_accel *there)
         }
         n = more;
         now = next;
-        next = now == list ? list + u->count : list;
+        next = now == list ? list + u->accels.count : list;
     }
     rti_release(list, user);
     return true;
@@ -1043,11 +1104,11 @@ static rt_status rti_gpu_send(rti_gpu_upload *u, rt_gpu_accel *there, size_t at,
 static rt_status rti_gpu_send_parts(rti_gpu_upload *u, rt_gpu_accel *there, rt_error *error)
 {
     void *const user = u->gpu->memory_user;
-    rti_gpu_record *records = (rti_gpu_record *)rti_alloc(u->count, sizeof *records, user);
+    rti_gpu_record *records = (rti_gpu_record *)rti_alloc(u->accels.count, sizeof *records, user);
     rt_status status = records ? RT_OK : RT_ERROR_MEMORY;
     size_t i;
     int array;
-    for (i = 0; i < u->count && status == RT_OK; i++) {
+    for (i = 0; i < u->accels.count && status == RT_OK; i++) {
         const rti_gpu_part *part = &u->parts[i];
         rti_gpu_record_of(part, &records[i]);
         for (array = 0; array < RTI_GPU_ARRAYS && status == RT_OK; array++) {
@@ -1065,7 +1126,7 @@ static rt_status rti_gpu_send_parts(rti_gpu_upload *u, rt_gpu_accel *there, rt_e
         }
     }
     if (!records) (void)rti_fail(error, status, RT_NONE, "no memory to copy an accel");
-    else if (status == RT_OK) status = rti_gpu_send(u, there, 0, records, u->count * sizeof *records, error);
+    else if (status == RT_OK) status = rti_gpu_send(u, there, 0, records, u->accels.count * sizeof *records, error);
     rti_release(records, user);
     return status;
 }
@@ -1083,9 +1144,10 @@ RT_API rt_status rt_gpu_upload(rt_gpu *gpu, rt_gpu_accel **out, const rt_accel *
     *out = NULL;
     memset(&u, 0, sizeof u);
     u.gpu = gpu;
+    u.accels.user = gpu->memory_user;
     good = rti_gpu_collect(&u, accel);
-    units = (u.count * sizeof(rti_gpu_record) + RTI_GPU_ALIGN - 1) / RTI_GPU_ALIGN;
-    for (i = 0; i < u.count && good; i++) {
+    units = (u.accels.count * sizeof(rti_gpu_record) + RTI_GPU_ALIGN - 1) / RTI_GPU_ALIGN;
+    for (i = 0; i < u.accels.count && good; i++) {
         good = rti_gpu_measure(gpu, &u.parts[i]);
         for (array = 0; array < RTI_GPU_ARRAYS && good; array++) {
             if (u.parts[i].bytes[array]) u.parts[i].at[array] = (uint32_t)units;
@@ -1105,7 +1167,7 @@ RT_API rt_status rt_gpu_upload(rt_gpu *gpu, rt_gpu_accel **out, const rt_accel *
         else rti_gpu_drop(object);
     }
     rti_release(u.parts, gpu->memory_user);
-    rti_release(u.table, gpu->memory_user);
+    rti_gpu_forget(&u.accels);
     return status;
 }
 
@@ -1213,8 +1275,32 @@ static const char *const rti_gpu_texts[] = {
 #define RTI_TEXT RTI_TEXT_TRACE
 #include RT_GPU_KERNELS
 #undef RTI_TEXT
-    "", NULL
+    "", NULL,
 #undef RTI_PASS
+#ifndef RT_NO_SHADING
+#define RTI_TEXT RTI_TEXT_SCENE
+#include RT_GPU_KERNELS
+#undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_SHADES
+#include RT_GPU_KERNELS
+#undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_SHADING
+#include RT_SELF
+#undef RTI_TEXT
+#define RTI_PASS
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_SHADE
+#include RT_SELF
+#undef RTI_TEXT
+#undef RTI_PASS
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_FRAME
+#include RT_GPU_KERNELS
+#undef RTI_TEXT
+    "", NULL
+#endif
 };
 
 /* Text that grows; size 0 once memory has run out. */
@@ -1266,12 +1352,17 @@ typedef struct {
     uint32_t general;                       /* 1: algorithm stands for all of its structure and width, and entries for as many or fewer */
     uint32_t level_count;
     rti_gpu_level levels[RT_MAX_NESTING + 1];
+    uint32_t frame;                         /* 1: for the steps of pictures, not for rays; then: */
+    uint32_t shows;                         /* bits by rti_gpu_things */
+    uint32_t sampler, filter, lens_open, timed, spread;
 } rti_gpu_key;
+
+enum { RTI_GPU_LOOK, RTI_GPU_MEET, RTI_GPU_AIM, RTI_GPU_SHINE, RTI_GPU_BOUNCE, RTI_GPU_STEPS };
 
 struct rti_gpu_program {
     rti_gpu_program *next;
     rti_gpu_key key;
-    rti_cl program, kernel;
+    rti_cl program, kernels[RTI_GPU_STEPS]; /* of rays there is one */
 };
 
 /* Names that stand in a program once a level. */
@@ -1279,7 +1370,18 @@ struct rti_gpu_program {
     X(rti_kd_stack_body) X(rti_kd_restart_body) X(rti_thread_body) X(rti_walk)
 
 /* Numbers of rt.h that shared text uses. */
-#define RTI_GPU_NUMBERS(X) X(RT_ANY) X(RT_KDTREE) X(RT_KD_STACK) X(RT_KD_RESTART) X(RT_KD_BACKTRACK) \
+#ifdef RT_NO_SHADING
+#define RTI_GPU_SHADING_NUMBERS(X)
+#else
+#define RTI_GPU_SURFACE (RTI_LANE_COUNT + 6)        /* numbers that are kept of a surface */
+#if RTI_SAMPLING
+#define RTI_GPU_SHADING_NUMBERS(X) X(RTI_GPU_SURFACE) X(RT_TEXTURE_IMAGE) X(RT_TEXTURE_CHECKER) X(RT_SAMPLER_INDEPENDENT) \
+    X(RT_SAMPLER_STRATIFIED) X(RT_FILTER_TENT) X(RT_FILTER_GAUSSIAN)
+#else
+#define RTI_GPU_SHADING_NUMBERS(X) X(RTI_GPU_SURFACE) X(RT_TEXTURE_IMAGE) X(RT_TEXTURE_CHECKER)
+#endif
+#endif
+#define RTI_GPU_NUMBERS(X) RTI_GPU_SHADING_NUMBERS(X) X(RT_ANY) X(RT_KDTREE) X(RT_KD_STACK) X(RT_KD_RESTART) X(RT_KD_BACKTRACK) \
     X(RTI_TRIANGLE) X(RTI_SPHERE) X(RTI_INSTANCE) X(RTI_WALK_ANY) X(RTI_WALK_ALL) X(RTI_WALK_COUNT) X(RTI_WALK_LIKELY) \
     X(RTI_KIND_SHIFT) X(RTI_MIXED) X(RTI_KD_PAIR) X(RTI_SEEN)
 #define RTI_GPU_BITS(X) X(RT_NONE) X(RTI_END) X(RTI_COUNT_MASK) X(RTI_LEAF) X(RTI_KD_LOWER_EMPTY) X(RTI_KD_EMPTY) \
@@ -1400,6 +1502,38 @@ static void rti_gpu_append_level(rti_gpu_source *s, const rti_gpu_key *key, uint
     rti_gpu_append_part(s, RTI_TEXT_WALK);
 }
 
+#ifndef RT_NO_SHADING
+/* What a scene may show; RTI_SHOWS of rt.h. */
+#define RTI_GPU_THINGS(X) X(SHAPES) X(INSTANCES) X(TEXTURES) X(GLASS) X(ROUGHNESS) X(LAMPS)
+#define RTI_GPU_THING(name) RTI_GPU_##name##_BIT,
+#define RTI_GPU_SHOWN(name) RTI_GPU_SHOWS_##name = 1 << RTI_GPU_##name##_BIT,
+enum { RTI_GPU_THINGS(RTI_GPU_THING) RTI_GPU_THING_COUNT };
+enum { RTI_GPU_THINGS(RTI_GPU_SHOWN) RTI_GPU_SHOWS_ALL = (1 << RTI_GPU_THING_COUNT) - 1 };
+
+/* Of the general program what a picture has is asked each time. */
+static void rti_gpu_define_choice(rti_gpu_source *s, const rti_gpu_key *key, const char *name, const char *field, uint32_t value)
+{
+    if (key->general) rti_gpu_define(s, "%s frame->%s", name, field);
+    else rti_gpu_define(s, "%s %u", name, value);
+}
+
+static void rti_gpu_write_frame(rti_gpu_source *s, const rti_gpu_key *key)
+{
+#define RTI_GPU_SHOW(name) rti_gpu_define(s, "RTI_SHOWS_" #name " %d", (int)(key->shows >> RTI_GPU_##name##_BIT & 1));
+    RTI_GPU_THINGS(RTI_GPU_SHOW)
+    rti_gpu_define_choice(s, key, "RTI_SAMPLER_KIND", "sampler", key->sampler);
+    rti_gpu_define_choice(s, key, "RTI_FILTER_KIND", "filter", key->filter);
+    rti_gpu_define_choice(s, key, "RTI_LENS_OPEN", "lens_open", key->lens_open);
+    rti_gpu_define_choice(s, key, "RTI_TIMED", "timed", key->timed);
+    rti_gpu_define_choice(s, key, "RTI_SPREAD", "spread", key->spread);
+    rti_gpu_append_part(s, RTI_TEXT_SCENE);
+    rti_gpu_append_part(s, RTI_TEXT_SHADES);
+    rti_gpu_append_part(s, RTI_TEXT_SHADING);
+    rti_gpu_append_part(s, RTI_TEXT_SHADE);
+    rti_gpu_append_part(s, RTI_TEXT_FRAME);
+}
+#endif
+
 static void rti_gpu_write_program(rti_gpu_source *s, const rt_gpu *gpu, const rti_gpu_key *key)
 {
     bool kd = false, threaded = false;
@@ -1414,6 +1548,12 @@ static void rti_gpu_write_program(rti_gpu_source *s, const rt_gpu *gpu, const rt
     rti_gpu_append_part(s, RTI_TEXT_DEVICE);
     rti_gpu_append_part(s, key->width == 1 ? RTI_TEXT_LANE : RTI_TEXT_LANES);
     rti_gpu_append_part(s, RTI_TEXT_EITHER);
+#ifndef RT_NO_SHADING
+    if (key->frame) {
+        rti_gpu_write_frame(s, key);
+        return;
+    }
+#endif
     rti_gpu_append_part(s, RTI_TEXT_PASS);
     if (kd) rti_gpu_append_part(s, RTI_TEXT_KD);
     if (threaded) rti_gpu_append_part(s, RTI_TEXT_THREADED);
@@ -1440,8 +1580,17 @@ static rt_status rti_gpu_refused(rt_gpu *gpu, rti_cl program, rti_cl_int code, r
     return rti_fail(error, RT_ERROR_UNSUPPORTED, RT_NONE, "device %.64s cannot compile a program: %.*s", gpu->info.name, (int)strcspn(first, "\n"), first);
 }
 
+static void rti_gpu_release_program(rt_gpu *gpu, rti_gpu_program *program)
+{
+    int i;
+    for (i = 0; i < RTI_GPU_STEPS; i++)
+        if (program->kernels[i]) gpu->cl.ReleaseKernel(program->kernels[i]);
+    if (program->program) gpu->cl.ReleaseProgram(program->program);
+}
+
 static rt_status rti_gpu_compile(rt_gpu *gpu, const rti_gpu_key *key, rti_gpu_program **out, rt_error *error)
 {
+    static const char *const steps[RTI_GPU_STEPS] = { "rt_gpu_look", "rt_gpu_meet", "rt_gpu_aim", "rt_gpu_shine", "rt_gpu_bounce" };
     const char *const flags = gpu->info.exact ? "-cl-std=CL1.2 -cl-fp32-correctly-rounded-divide-sqrt " : "-cl-std=CL1.2 ";
     const size_t length = strlen(flags) + strlen(gpu->flags) + 1;
     rti_gpu_program *program = (rti_gpu_program *)rti_alloc(1, sizeof *program, gpu->memory_user);
@@ -1449,6 +1598,7 @@ static rt_status rti_gpu_compile(rt_gpu *gpu, const rti_gpu_key *key, rti_gpu_pr
     rti_gpu_source s;
     rti_cl_int code = RTI_CL_SUCCESS;
     rt_status status = RT_OK;
+    int i;
     s.length = 0;
     s.size = 1 << 16;
     s.user = gpu->memory_user;
@@ -1463,10 +1613,11 @@ static rt_status rti_gpu_compile(rt_gpu *gpu, const rti_gpu_key *key, rti_gpu_pr
         program->key = *key;
         program->program = gpu->cl.CreateProgramWithSource(gpu->context, 1, &text, &s.length, &code);
         if (program->program) code = gpu->cl.BuildProgram(program->program, 1, &gpu->device, all, NULL, NULL);
-        if (program->program && code == RTI_CL_SUCCESS) program->kernel = gpu->cl.CreateKernel(program->program, "rt_gpu_trace", &code);
-        if (!program->kernel) {
+        for (i = 0; i < (key->frame ? RTI_GPU_STEPS : 1) && program->program && code == RTI_CL_SUCCESS; i++)
+            program->kernels[i] = gpu->cl.CreateKernel(program->program, key->frame ? steps[i] : "rt_gpu_trace", &code);
+        if (code != RTI_CL_SUCCESS) {
             status = rti_gpu_refused(gpu, program->program, code, error);
-            if (program->program) gpu->cl.ReleaseProgram(program->program);
+            rti_gpu_release_program(gpu, program);
         }
     }
     rti_release(all, gpu->memory_user);
@@ -1487,8 +1638,7 @@ static void rti_gpu_free_programs(rt_gpu *gpu)
     while (gpu->programs) {
         rti_gpu_program *program = gpu->programs;
         gpu->programs = program->next;
-        gpu->cl.ReleaseKernel(program->kernel);
-        gpu->cl.ReleaseProgram(program->program);
+        rti_gpu_release_program(gpu, program);
         rti_release(program, gpu->memory_user);
     }
 }
@@ -1560,11 +1710,17 @@ static void rti_gpu_generalise(rti_gpu_key *key)
     else if (key->algorithm == RT_THREADED_PARALLEL) key->algorithm = RT_THREADED_SINGLE;
 }
 
+static rt_status rti_gpu_find_program(rt_gpu *gpu, const rti_gpu_key *key, rti_gpu_program **program, rt_error *error)
+{
+    for (*program = gpu->programs; *program; *program = (*program)->next)
+        if (!memcmp(&(*program)->key, key, sizeof *key)) return RT_OK;
+    return rti_gpu_compile(gpu, key, program, error);
+}
+
 /* From options to the program that does it. */
 static rt_status rti_gpu_choose_program(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt, rti_gpu_task *task)
 {
     rt_algorithm algorithm = opt->algorithm;
-    rti_gpu_program *program;
     rti_gpu_key key;
     const int *widths;
     int width = opt->packet_width;
@@ -1595,10 +1751,7 @@ static rt_status rti_gpu_choose_program(rt_gpu *gpu, const rt_gpu_accel *accel, 
     task->entries = (int32_t)key.entries;
     if (gpu->general) rti_gpu_generalise(&key);
     rti_gpu_set_levels(gpu, accel, &key);
-    for (program = gpu->programs; program && memcmp(&program->key, &key, sizeof key); program = program->next) {}
-    if (!program && (status = rti_gpu_compile(gpu, &key, &program, opt->error)) != RT_OK) return status;
-    task->program = program;
-    return RT_OK;
+    return rti_gpu_find_program(gpu, &key, &task->program, opt->error);
 }
 
 RT_API rt_status rt_gpu_prepare(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt)
@@ -1613,7 +1766,7 @@ static size_t rti_gpu_kernel_number(const rt_gpu *gpu, const rti_gpu_program *pr
 {
     union { uint64_t wide; size_t size; } number;
     number.wide = 0;
-    if (gpu->cl.GetKernelWorkGroupInfo(program->kernel, gpu->device, what, sizeof number, &number, NULL) != RTI_CL_SUCCESS) return 0;
+    if (gpu->cl.GetKernelWorkGroupInfo(program->kernels[0], gpu->device, what, sizeof number, &number, NULL) != RTI_CL_SUCCESS) return 0;
     return what == RTI_CL_GROUP_SIZE ? number.size : (size_t)number.wide;
 }
 
@@ -1644,14 +1797,14 @@ static rt_status rti_gpu_launch(rt_gpu *gpu, const rti_gpu_task *task, const rt_
     const rti_gpu_program *program = task->program;
     const uint64_t base = first, number = count;
     const size_t items = (count + program->key.width - 1) / program->key.width, local = 64, global = (items + local - 1) / local * local;
-    rti_cl_int code = gpu->cl.SetKernelArg(program->kernel, 0, sizeof(rti_cl), &accel->object.mem);
+    rti_cl_int code = gpu->cl.SetKernelArg(program->kernels[0], 0, sizeof(rti_cl), &accel->object.mem);
     int i;
-    for (i = 0; i < 3 && code == RTI_CL_SUCCESS; i++) code = gpu->cl.SetKernelArg(program->kernel, (rti_cl_uint)i + 1, sizeof(rti_cl), &buffers[i]);
-    if (code == RTI_CL_SUCCESS) code = gpu->cl.SetKernelArg(program->kernel, 4, sizeof base, &base);
-    if (code == RTI_CL_SUCCESS) code = gpu->cl.SetKernelArg(program->kernel, 5, sizeof number, &number);
-    if (code == RTI_CL_SUCCESS) code = gpu->cl.SetKernelArg(program->kernel, 6, sizeof task->algorithm, &task->algorithm);
-    if (code == RTI_CL_SUCCESS) code = gpu->cl.SetKernelArg(program->kernel, 7, sizeof task->entries, &task->entries);
-    if (code == RTI_CL_SUCCESS) code = gpu->cl.EnqueueNDRangeKernel(gpu->queue, program->kernel, 1, NULL, &global, &local, 0, NULL, event);
+    for (i = 0; i < 3 && code == RTI_CL_SUCCESS; i++) code = gpu->cl.SetKernelArg(program->kernels[0], (rti_cl_uint)i + 1, sizeof(rti_cl), &buffers[i]);
+    if (code == RTI_CL_SUCCESS) code = gpu->cl.SetKernelArg(program->kernels[0], 4, sizeof base, &base);
+    if (code == RTI_CL_SUCCESS) code = gpu->cl.SetKernelArg(program->kernels[0], 5, sizeof number, &number);
+    if (code == RTI_CL_SUCCESS) code = gpu->cl.SetKernelArg(program->kernels[0], 6, sizeof task->algorithm, &task->algorithm);
+    if (code == RTI_CL_SUCCESS) code = gpu->cl.SetKernelArg(program->kernels[0], 7, sizeof task->entries, &task->entries);
+    if (code == RTI_CL_SUCCESS) code = gpu->cl.EnqueueNDRangeKernel(gpu->queue, program->kernels[0], 1, NULL, &global, &local, 0, NULL, event);
     if (code == RTI_CL_SUCCESS) code = gpu->cl.Flush(gpu->queue);
     return code == RTI_CL_SUCCESS ? RT_OK : rti_cl_fail(error, code, "tracing rays");
 }
@@ -1771,6 +1924,584 @@ RT_API rt_status rt_gpu_trace(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_t
     }
     return status;
 }
+
+/* ---- >>gpu-render --------------------------------------------------------------------------------------------------- */
+
+#ifndef RT_NO_SHADING
+
+struct rt_gpu_scene {
+    rti_gpu_object object;                  /* an rti_gpu_shape a part, then the arrays that they tell of */
+    rt_gpu_accel *accel;
+    rt_camera camera;
+    rt_vec3 ambient, background;
+    uint32_t lights, light_count;           /* lights: where they are, in units of RTI_GPU_ALIGN */
+    uint32_t shows;                         /* bits by rti_gpu_things */
+    bool moves, shiny;                      /* shiny: something mirrors or refracts */
+    size_t triangles, spheres, instances;   /* of the outermost, for rasters */
+};
+
+/* An array of a scene, as long as the longest that begins there: copied as it is, or put together of count things. Textures follow their
+   materials. */
+typedef enum { RTI_GPU_AS_IT_IS, RTI_GPU_MATERIALS, RTI_GPU_LIGHTS, RTI_GPU_PARTS } rti_gpu_kind;
+typedef struct { rti_gpu_kind kind; size_t bytes, count; uint32_t at; } rti_gpu_blob;
+
+typedef struct {
+    rt_gpu *gpu;
+    rti_gpu_names scenes, arrays;
+    rti_gpu_blob *blobs;                    /* by the number of the array */
+} rti_gpu_album;
+
+static size_t rti_gpu_max_index(const uint32_t *indices, size_t triangles)
+{
+    size_t i, most = 0;
+    for (i = 0; i < 3 * triangles; i++)
+        if (indices[i - i % 3] != RT_NONE && indices[i] + (size_t)1 > most) most = indices[i] + (size_t)1;
+    return most;
+}
+
+/* All scenes below, each once; most: how many arrays they have at most. */
+static bool rti_gpu_collect_scenes(rti_gpu_album *a, const rt_scene *root, size_t *most)
+{
+    uint32_t number;
+    size_t done, i;
+    bool good = rti_gpu_add(&a->scenes, root, &number);
+    *most = 1;                              /* the lights */
+    for (done = 0; good && done < a->scenes.count; done++) {
+        const rt_scene *scene = (const rt_scene *)a->scenes.things[done];
+        *most += 12 + 2 * scene->material_count;
+        for (i = 0; good && i < rti_instance_count(scene->geometry); i++) good = rti_gpu_add(&a->scenes, scene->parts[i], &number);
+    }
+    return good;
+}
+
+static bool rti_gpu_add_array(rti_gpu_album *a, const void *array, rti_gpu_kind kind, size_t count, size_t size)
+{
+    rti_gpu_blob *blob;
+    uint32_t number;
+    if (!array || !count) return true;
+    if (!rti_gpu_add(&a->arrays, array, &number)) return false;
+    blob = &a->blobs[number];
+    blob->kind = kind;
+    if (count > blob->count) blob->count = count;
+    if (count * size > blob->bytes) blob->bytes = count * size;
+    return true;
+}
+
+static bool rti_gpu_add_floats(rti_gpu_album *a, const void *array, size_t count)
+{
+    return rti_gpu_add_array(a, array, RTI_GPU_AS_IT_IS, count, sizeof(float));
+}
+
+static bool rti_gpu_add_texture(rti_gpu_album *a, const rt_texture *texture)
+{
+    if (!texture || texture->kind != RT_TEXTURE_IMAGE) return true;
+    return rti_gpu_add_floats(a, texture->levels, 3 * rt_count_texture_levels(texture->width, texture->height));
+}
+
+static bool rti_gpu_add_arrays(rti_gpu_album *a, const rt_scene *scene)
+{
+    const rt_geometry *geo = scene->geometry;
+    const rti_shape shape = rti_shape_of(scene);
+    const size_t materials = scene->material_count ? scene->material_count : 1, triangles = geo->triangle_count;
+    size_t i;
+    bool good = rti_gpu_add_floats(a, shape.vertices, geo->vertex_count ? (geo->vertex_count - 1) * shape.stride + 3 : 0);
+    good = good && rti_gpu_add_floats(a, shape.indices, 3 * triangles);
+    good = good && rti_gpu_add_floats(a, shape.colors, 3 * geo->vertex_count);
+    good = good && rti_gpu_add_floats(a, shape.material_ids, triangles + rti_sphere_count(geo) + rti_plane_count(geo));
+    if (shape.normals) {
+        good = good && rti_gpu_add_floats(a, shape.normals, 3 * rti_gpu_max_index(shape.normal_indices, triangles));
+        good = good && rti_gpu_add_floats(a, shape.normal_indices, 3 * triangles);
+    }
+    if (shape.texcoords) {
+        good = good && rti_gpu_add_floats(a, shape.texcoords, 2 * rti_gpu_max_index(shape.texcoord_indices, triangles));
+        good = good && rti_gpu_add_floats(a, shape.texcoord_indices, 3 * triangles);
+    }
+#if RTI_SPHERES
+    good = good && rti_gpu_add_array(a, geo->spheres, RTI_GPU_AS_IT_IS, geo->sphere_count, sizeof *geo->spheres);
+#endif
+#if RTI_PLANES
+    good = good && rti_gpu_add_array(a, geo->planes, RTI_GPU_AS_IT_IS, geo->plane_count, sizeof *geo->planes);
+#endif
+    good = good && rti_gpu_add_array(a, scene->parts, RTI_GPU_PARTS, rti_instance_count(geo), sizeof(int64_t));
+    good = good && rti_gpu_add_array(a, shape.materials, RTI_GPU_MATERIALS, materials, sizeof(rti_gpu_material) + 2 * sizeof(rti_gpu_texture));
+    for (i = 0; good && i < materials; i++)
+        good = rti_gpu_add_texture(a, shape.materials[i].texture) && rti_gpu_add_texture(a, shape.materials[i].bump);
+    return good;
+}
+
+/* Bytes from the arena's start; 0: there is no such array. */
+static int64_t rti_gpu_where(const rti_gpu_album *a, const void *array)
+{
+    const size_t at = array ? rti_gpu_place(&a->arrays, array) : 0;
+    return array && a->arrays.table[at] ? (int64_t)a->blobs[a->arrays.table[at] - 1].at * RTI_GPU_ALIGN : 0;
+}
+
+static int64_t rti_gpu_distance(const rti_gpu_album *a, const void *array, int64_t from)
+{
+    const int64_t at = rti_gpu_where(a, array);
+    return at ? at - from : 0;
+}
+
+static void rti_gpu_write_shape(const rti_gpu_album *a, const rt_scene *scene, int64_t from, rti_gpu_shape *to)
+{
+    const rti_shape shape = rti_shape_of(scene);
+    memset(to, 0, sizeof *to);
+    to->vertices = rti_gpu_distance(a, shape.vertices, from);
+    to->indices = rti_gpu_distance(a, shape.indices, from);
+    to->normals = rti_gpu_distance(a, shape.normals, from);
+    to->normal_indices = to->normals ? rti_gpu_distance(a, shape.normal_indices, from) : 0;
+    to->colors = rti_gpu_distance(a, shape.colors, from);
+    to->texcoords = rti_gpu_distance(a, shape.texcoords, from);
+    to->texcoord_indices = to->texcoords ? rti_gpu_distance(a, shape.texcoord_indices, from) : 0;
+    to->materials = rti_gpu_distance(a, shape.materials, from);
+    to->material_ids = rti_gpu_distance(a, shape.material_ids, from);
+#if RTI_SPHERES
+    to->spheres = rti_gpu_distance(a, shape.spheres, from);
+#endif
+#if RTI_PLANES
+    to->planes = rti_gpu_distance(a, shape.planes, from);
+#endif
+    to->parts = rti_gpu_distance(a, scene->parts, from);
+    to->stride = (uint32_t)shape.stride;
+    to->triangle_count = shape.triangle_count;
+    to->instance_count = shape.instance_count;
+    to->tree_count = shape.tree_count;
+}
+
+/* Writes what a material's texture is, if there is one, and answers how far from the material it is. */
+static int64_t rti_gpu_write_texture(const rti_gpu_album *a, const rt_texture *texture, int64_t start, int64_t from, int64_t at, char *staged)
+{
+    rti_gpu_texture *to = (rti_gpu_texture *)(void *)(staged + at);
+    memset(to, 0, sizeof *to);
+    if (!texture) return 0;
+    if (texture->kind == RT_TEXTURE_IMAGE) to->levels = rti_gpu_distance(a, texture->levels, start + at);
+    to->kind = (uint32_t)texture->kind;
+    to->solid = texture->solid;
+    to->width = texture->width;
+    to->height = texture->height;
+    to->colors[0] = texture->colors[0];
+    to->colors[1] = texture->colors[1];
+    to->size = texture->size;
+    return at - from;
+}
+
+static void rti_gpu_write_materials(const rti_gpu_album *a, const rt_material *materials, size_t count, int64_t start, char *staged)
+{
+    size_t i;
+    for (i = 0; i < count; i++) {
+        const rt_material *m = &materials[i];
+        const int64_t from = (int64_t)(i * sizeof(rti_gpu_material));
+        const int64_t at = (int64_t)(count * sizeof(rti_gpu_material) + 2 * i * sizeof(rti_gpu_texture));
+        rti_gpu_material *to = (rti_gpu_material *)(void *)(staged + from);
+        memset(to, 0, sizeof *to);
+        to->texture = rti_gpu_write_texture(a, m->texture, start, from, at, staged);
+        to->bump = rti_gpu_write_texture(a, m->bump, start, from, at + (int64_t)sizeof(rti_gpu_texture), staged);
+        to->diffuse = m->diffuse;
+        to->specular = m->specular;
+        to->emission = m->emission;
+        to->reflect = m->reflect;
+        to->transmit = m->transmit;
+        to->absorb = m->absorb;
+        to->shininess = m->shininess;
+        to->ior = m->ior;
+#if RTI_SAMPLING
+        to->roughness = m->roughness;
+#endif
+        to->bump_height = m->bump_height;
+        to->fresnel = m->fresnel;
+    }
+}
+
+static void rti_gpu_write_lights(const rt_light *lights, size_t count, rti_gpu_light *to)
+{
+    size_t i;
+    memset(to, 0, count * sizeof *to);
+    for (i = 0; i < count; i++) {
+        to[i].position = lights[i].position;
+        to[i].color = lights[i].color;
+#if RTI_SAMPLING
+        to[i].edges[0] = lights[i].edges[0];
+        to[i].edges[1] = lights[i].edges[1];
+        to[i].radius = lights[i].radius;
+        to[i].by_area = lights[i].by_area;
+#endif
+    }
+}
+
+/* Pixels of a tile at most: enough to keep the device busy, few enough that a CPU's caches hold some of it; and bytes. */
+#define RTI_GPU_TILE(gpu) ((size_t)1 << ((gpu)->info.gpu ? 20 : 16))
+#define RTI_GPU_TILE_BYTES ((size_t)1 << 29)
+
+/* What a part's shapes and materials have that programs may leave out. */
+static uint32_t rti_gpu_look_through(const rt_scene *scene, bool *shiny)
+{
+    const rt_geometry *geo = scene->geometry;
+    uint32_t shows = 0;
+    size_t i;
+    if (rti_sphere_count(geo) || rti_plane_count(geo)) shows |= RTI_GPU_SHOWS_SHAPES;
+    if (rti_instance_count(geo)) shows |= RTI_GPU_SHOWS_INSTANCES;
+    for (i = 0; i < scene->material_count; i++) {
+        const rt_material *m = &scene->materials[i];
+        if (m->texture || m->bump) shows |= RTI_GPU_SHOWS_TEXTURES;
+        if (rti_any(m->transmit)) shows |= RTI_GPU_SHOWS_GLASS;
+#if RTI_SAMPLING
+        if (m->roughness > 0) shows |= RTI_GPU_SHOWS_ROUGHNESS;
+#endif
+        *shiny |= rti_any(m->reflect) || rti_any(m->transmit);
+    }
+    return shows;
+}
+
+/* Places all arrays behind the shapes; answers how many units of RTI_GPU_ALIGN all take. */
+static uint64_t rti_gpu_lay_out(rti_gpu_album *a)
+{
+    uint64_t units = (a->scenes.count * sizeof(rti_gpu_shape) + RTI_GPU_ALIGN - 1) / RTI_GPU_ALIGN;
+    size_t i;
+    for (i = 0; i < a->arrays.count; i++) {
+        a->blobs[i].at = (uint32_t)units;
+        units += (a->blobs[i].bytes + RTI_GPU_ALIGN - 1) / RTI_GPU_ALIGN;
+    }
+    return units;
+}
+
+/* How far the parts of an array are from where they are told. */
+static void rti_gpu_write_parts(const rti_gpu_album *a, const rt_scene *const *parts, size_t count, int64_t start, int64_t *to)
+{
+    size_t i;
+    for (i = 0; i < count; i++)
+        to[i] = (int64_t)(rti_gpu_number_of(&a->scenes, parts[i]) * sizeof(rti_gpu_shape)) - (start + (int64_t)(i * sizeof *to));
+}
+
+static rt_status rti_gpu_send_array(const rti_gpu_album *a, rt_gpu_scene *there, size_t number, rt_error *error)
+{
+    const rti_gpu_blob *blob = &a->blobs[number];
+    const void *const array = a->arrays.things[number], *from = array;
+    const int64_t start = (int64_t)blob->at * RTI_GPU_ALIGN;
+    char *staged = NULL;
+    rti_cl_int code;
+    if (blob->kind != RTI_GPU_AS_IT_IS) {
+        from = staged = (char *)rti_alloc(blob->bytes, 1, a->gpu->memory_user);
+        if (!staged) return rti_fail(error, RT_ERROR_MEMORY, RT_NONE, "no memory to copy a scene");
+    }
+    if (blob->kind == RTI_GPU_MATERIALS) rti_gpu_write_materials(a, (const rt_material *)array, blob->count, start, staged);
+    if (blob->kind == RTI_GPU_LIGHTS) rti_gpu_write_lights((const rt_light *)array, blob->count, (rti_gpu_light *)(void *)staged);
+    if (blob->kind == RTI_GPU_PARTS) rti_gpu_write_parts(a, (const rt_scene *const *)array, blob->count, start, (int64_t *)(void *)staged);
+    code = a->gpu->cl.EnqueueWriteBuffer(a->gpu->queue, there->object.mem, 1, (size_t)start, blob->bytes, from, 0, NULL, NULL);
+    rti_release(staged, a->gpu->memory_user);
+    return code == RTI_CL_SUCCESS ? RT_OK : rti_cl_fail(error, code, "copying a scene");
+}
+
+static rt_status rti_gpu_send_scene(const rti_gpu_album *a, rt_gpu_scene *there, rt_error *error)
+{
+    const size_t bytes = a->scenes.count * sizeof(rti_gpu_shape);
+    rti_gpu_shape *shapes = (rti_gpu_shape *)rti_alloc(bytes, 1, a->gpu->memory_user);
+    rti_cl_int code;
+    rt_status status = RT_OK;
+    size_t i;
+    if (!shapes) return rti_fail(error, RT_ERROR_MEMORY, RT_NONE, "no memory to copy a scene");
+    for (i = 0; i < a->scenes.count; i++)
+        rti_gpu_write_shape(a, (const rt_scene *)a->scenes.things[i], (int64_t)(i * sizeof *shapes), &shapes[i]);
+    code = a->gpu->cl.EnqueueWriteBuffer(a->gpu->queue, there->object.mem, 1, 0, bytes, shapes, 0, NULL, NULL);
+    if (code != RTI_CL_SUCCESS) status = rti_cl_fail(error, code, "copying a scene");
+    rti_release(shapes, a->gpu->memory_user);
+    for (i = 0; i < a->arrays.count && status == RT_OK; i++) status = rti_gpu_send_array(a, there, i, error);
+    return status;
+}
+
+/* What is the same for all pictures of a scene. */
+static void rti_gpu_describe_scene(const rti_gpu_album *a, const rt_scene *scene, rt_gpu_scene *there)
+{
+    size_t i;
+    for (i = 0; i < a->scenes.count; i++) there->shows |= rti_gpu_look_through((const rt_scene *)a->scenes.things[i], &there->shiny);
+#if RTI_SAMPLING
+    for (i = 0; i < scene->light_count; i++)
+        if (rti_has_size(&scene->lights[i])) there->shows |= RTI_GPU_SHOWS_LAMPS;
+#endif
+    there->camera = scene->camera;
+    there->ambient = scene->ambient;
+    there->background = scene->background;
+    there->lights = (uint32_t)(rti_gpu_where(a, scene->lights) / RTI_GPU_ALIGN);
+    there->light_count = (uint32_t)scene->light_count;
+    there->moves = rti_moves(scene->accel);
+}
+
+RT_API rt_status rt_gpu_upload_scene(rt_gpu *gpu, rt_gpu_scene **out, const rt_scene *scene, rt_error *error)
+{
+    rti_gpu_album a;
+    rti_gpu_object *object = NULL;
+    rt_gpu_accel *accel = NULL;
+    rt_status status;
+    uint64_t units = 0;
+    size_t most, i;
+    bool good;
+    if (!gpu || !out || !scene) return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", !gpu ? "gpu" : out ? "scene" : "out");
+    *out = NULL;
+    if ((status = rti_scene_lacks(scene, error)) != RT_OK) return status;
+    memset(&a, 0, sizeof a);
+    a.gpu = gpu;
+    a.scenes.user = a.arrays.user = gpu->memory_user;
+    good = rti_gpu_collect_scenes(&a, scene, &most);
+    if (good) a.blobs = (rti_gpu_blob *)rti_alloc(most, sizeof *a.blobs, gpu->memory_user);
+    if (a.blobs) memset(a.blobs, 0, most * sizeof *a.blobs);
+    good = a.blobs && rti_gpu_add_array(&a, scene->lights, RTI_GPU_LIGHTS, scene->light_count, sizeof(rti_gpu_light));
+    for (i = 0; i < a.scenes.count && good; i++) good = rti_gpu_add_arrays(&a, (const rt_scene *)a.scenes.things[i]);
+    if (good) units = rti_gpu_lay_out(&a);
+    if (!good) status = rti_fail(error, RT_ERROR_MEMORY, RT_NONE, "no memory to copy a scene");
+    else if (units > 0x3fffffffu) status = rti_fail(error, RT_ERROR_LIMIT, RT_NONE, "a scene of more than 64 GB");
+    else status = rt_gpu_upload(gpu, &accel, scene->accel, error);
+    if (status == RT_OK)
+        status = rti_gpu_make(gpu, sizeof **out, (size_t)units * RTI_GPU_ALIGN, RTI_CL_READ_ONLY, &object, "a scene", error);
+    if (status == RT_OK) {
+        rt_gpu_scene *there = (rt_gpu_scene *)(void *)object;
+        there->accel = accel;
+        rti_gpu_describe_scene(&a, scene, there);
+        status = rti_gpu_send_scene(&a, there, error);
+        if (status == RT_OK) *out = there;
+        else rti_gpu_drop(object);
+    }
+    if (status != RT_OK) rt_gpu_free(accel);
+    rti_release(a.blobs, gpu->memory_user);
+    rti_gpu_forget(&a.scenes);
+    rti_gpu_forget(&a.arrays);
+    return status;
+}
+
+RT_API void rt_gpu_free_scene(rt_gpu_scene *scene)
+{
+    if (!scene) return;
+    rt_gpu_free(scene->accel);
+    rti_gpu_drop(&scene->object);
+}
+
+RT_API void rt_gpu_set_camera(rt_gpu_scene *scene, const rt_camera *camera) { scene->camera = *camera; }
+RT_API size_t rt_gpu_scene_bytes(const rt_gpu_scene *scene) { return scene->object.bytes + scene->accel->object.bytes; }
+
+/* ---- pictures */
+
+/* One call of rt_gpu_render_tile. */
+typedef struct {
+    rt_gpu *gpu;
+    const rt_gpu_scene *scene;
+    rti_gpu_frame frame;
+    rti_gpu_program *steps;
+    rti_gpu_task closest, any;
+    rti_cl buffers[3];                      /* rays, hits, times */
+    int spp;
+    rt_ray_counts counts;
+    rti_gpu_pixel *pixels;                  /* of a tile, as read back */
+    rt_error *error;
+} rti_gpu_picture;
+
+/* Sets what holds for all tiles and samples, and finds the programs. */
+static rt_status rti_gpu_begin(rti_gpu_picture *p, const rt_gpu_scene *scene, const rt_render_options *opt)
+{
+    rt_trace_options trace = opt->trace;
+    rti_gpu_frame *f = &p->frame;
+    rti_film film;
+    rti_gpu_key key;
+    rt_status status;
+    memset(&film, 0, sizeof film);
+    film.view = rti_make_view(&scene->camera, opt->width, opt->height);
+    f->view[0] = film.view.eye;
+    f->view[1] = film.view.corner;
+    f->view[2] = film.view.right;
+    f->view[3] = film.view.down;
+    f->ambient = scene->ambient;
+    f->background = scene->background;
+    f->angle = rti_angle_of(&film.view, p->spp);
+    f->spp = (uint32_t)p->spp;
+    f->depth = scene->shiny ? (uint32_t)rti_depth_of(opt) : 0;
+    f->waiting = scene->shows & RTI_GPU_SHOWS_GLASS ? f->depth : 0;        /* what only mirrors sends one ray on */
+    f->lights = scene->lights;
+#if RTI_SAMPLING
+    rti_set_distribution(&film, &scene->camera, scene->moves, opt, p->spp);
+    f->lens_right = film.lens.right;
+    f->lens_down = film.lens.down;
+    f->rfocus = film.lens.rfocus;
+    f->open = film.open;
+    f->length = film.length;
+    f->seed = film.sampler.seed;
+    f->frame = film.sampler.frame;
+    f->sampler = (uint32_t)film.sampler.kind;
+    f->filter = (uint32_t)film.filter;
+    f->lens_open = film.lens.open;
+    f->timed = film.timed;
+    f->spread = film.spread;
+#endif
+    memset(&key, 0, sizeof key);
+    key.frame = 1;
+    key.width = 1;
+    key.shows = scene->shows;
+    if (p->gpu->general) {
+        key.general = 1;
+        key.shows = RTI_GPU_SHOWS_ALL;
+    } else {
+        key.sampler = f->sampler;
+        key.filter = f->filter;
+        key.lens_open = f->lens_open;
+        key.timed = f->timed;
+        key.spread = f->spread;
+    }
+    trace.query = RT_CLOSEST;
+    if ((status = rti_gpu_choose_program(p->gpu, scene->accel, &trace, &p->closest)) != RT_OK) return status;
+    trace.query = RT_ANY;
+    if ((status = rti_gpu_choose_program(p->gpu, scene->accel, &trace, &p->any)) != RT_OK) return status;
+    return rti_gpu_find_program(p->gpu, &key, &p->steps, opt->trace.error);
+}
+
+/* Bytes of a tile's memory beside rays, hits and times: rti_work. */
+static size_t rti_gpu_work_bytes(const rti_gpu_frame *f)
+{
+    const size_t waiting = f->waiting * (sizeof(rt_ray) + sizeof(rti_gpu_path));
+    return RTI_GPU_ALIGN + f->space * (sizeof(rti_gpu_pixel) + 2 * sizeof(rti_gpu_path) + RTI_GPU_SURFACE * sizeof(float) + waiting);
+}
+
+/* Memory for tiles of at most that many pixels: fewer, where they would not fit. */
+static rt_status rti_gpu_make_room(rti_gpu_picture *p, size_t pixels)
+{
+    rt_gpu *gpu = p->gpu;
+    size_t left = gpu->memory_limit - gpu->used, ours = 0, each, most;
+    rt_status status;
+    if (gpu->rays) ours += gpu->rays->object.bytes;
+    if (gpu->hits) ours += gpu->hits->object.bytes;
+    if (gpu->times) ours += gpu->times->object.bytes;
+    if (gpu->work) ours += gpu->work->object.bytes;
+    left = (left + ours) / 2;
+    if (left > gpu->info.largest) left = (size_t)gpu->info.largest;
+    if (left > RTI_GPU_TILE_BYTES) left = RTI_GPU_TILE_BYTES;
+    p->frame.space = 1;
+    each = rti_gpu_work_bytes(&p->frame) + sizeof(rt_ray) + sizeof(rt_hit) + sizeof(float);
+    most = left / each;
+    if (most > RTI_GPU_TILE(gpu)) most = RTI_GPU_TILE(gpu);
+    if (pixels > most) pixels = most;
+    p->frame.space = (uint32_t)(pixels ? pixels : 1);
+    if ((status = rti_gpu_stage(gpu, &gpu->rays, p->frame.space * sizeof(rt_ray), p->error)) != RT_OK) return status;
+    if ((status = rti_gpu_stage(gpu, &gpu->hits, p->frame.space * sizeof(rt_hit), p->error)) != RT_OK) return status;
+    if ((status = rti_gpu_stage(gpu, &gpu->times, p->frame.space * sizeof(float), p->error)) != RT_OK) return status;
+    if ((status = rti_gpu_stage(gpu, &gpu->work, rti_gpu_work_bytes(&p->frame), p->error)) != RT_OK) return status;
+    p->buffers[0] = gpu->rays->object.mem;
+    p->buffers[1] = gpu->hits->object.mem;
+    p->buffers[2] = p->frame.timed ? gpu->times->object.mem : NULL;
+    p->pixels = (rti_gpu_pixel *)rti_alloc(p->frame.space, sizeof *p->pixels, gpu->memory_user);
+    return p->pixels ? RT_OK : rti_fail(p->error, RT_ERROR_MEMORY, RT_NONE, "no memory for a tile of %u pixels", (unsigned)p->frame.space);
+}
+
+/* A step for count rays. turn: which paths are theirs; number: of a light. */
+static rt_status rti_gpu_step(rti_gpu_picture *p, int step, uint32_t count, uint32_t turn, uint32_t number)
+{
+    const rt_gpu *gpu = p->gpu;
+    const rti_cl kernel = p->steps->kernels[step], work = gpu->work->object.mem, times = gpu->times->object.mem;
+    const size_t local = 64, global = (count + local - 1) / local * local;
+    const struct { size_t size; const void *value; } arguments[] = {
+        { sizeof(rti_cl), &p->scene->object.mem }, { sizeof(rti_cl), &p->scene->accel->object.mem }, { sizeof p->frame, &p->frame },
+        { sizeof(rti_cl), &work }, { sizeof(rti_cl), &p->buffers[0] }, { sizeof(rti_cl), &p->buffers[1] }, { sizeof(rti_cl), &times },
+        { sizeof count, &count }, { sizeof turn, &turn }, { sizeof number, &number }
+    };
+    rti_cl_int code = RTI_CL_SUCCESS;
+    rti_cl_uint i;
+    for (i = 0; i < sizeof arguments / sizeof arguments[0] && code == RTI_CL_SUCCESS; i++)
+        code = gpu->cl.SetKernelArg(kernel, i, arguments[i].size, arguments[i].value);
+    if (code == RTI_CL_SUCCESS) code = gpu->cl.EnqueueNDRangeKernel(gpu->queue, kernel, 1, NULL, &global, &local, 0, NULL, NULL);
+    return code == RTI_CL_SUCCESS ? RT_OK : rti_cl_fail(p->error, code, "rendering");
+}
+
+/* What lights make of the surfaces that count rays have met. */
+static rt_status rti_gpu_light_up(rti_gpu_picture *p, uint32_t count, uint32_t turn)
+{
+    rt_status status = RT_OK;
+    uint32_t number;
+    for (number = 0; number < p->scene->light_count && status == RT_OK; number++) {
+        status = rti_gpu_step(p, RTI_GPU_AIM, count, turn, number);
+        if (status == RT_OK) status = rti_gpu_launch(p->gpu, &p->any, p->scene->accel, p->buffers, 0, count, NULL, p->error);
+        if (status == RT_OK) status = rti_gpu_step(p, RTI_GPU_SHINE, count, turn, number);
+    }
+    return status;
+}
+
+/* One sample of every pixel of a tile. */
+static rt_status rti_gpu_render_sample(rti_gpu_picture *p, int sample)
+{
+    rti_gpu_frame *f = &p->frame;
+    uint32_t count = f->width * f->height, turn = 0;
+    rt_status status;
+    rti_subpixel(sample, p->spp, &f->dx, &f->dy);
+    f->sample = (uint32_t)sample;
+    p->counts.primary += count;
+    status = rti_gpu_step(p, RTI_GPU_LOOK, count, turn, 0);
+    while (count && status == RT_OK) {
+        status = rti_gpu_launch(p->gpu, &p->closest, p->scene->accel, p->buffers, 0, count, NULL, p->error);
+        if (status == RT_OK) status = rti_gpu_step(p, RTI_GPU_MEET, count, turn, 0);
+        if (status == RT_OK) status = rti_gpu_light_up(p, count, turn);
+        if (status != RT_OK || !f->depth) break;
+        status = rti_gpu_step(p, RTI_GPU_BOUNCE, count, turn, 0);
+        if (status == RT_OK) status = rt_gpu_read(p->gpu->work, 0, &count, sizeof count, p->error);
+        turn ^= 1;
+    }
+    return status;
+}
+
+static rt_status rti_gpu_render_part(rti_gpu_picture *p, const int box[4], int width, rt_vec3 *pixels)
+{
+    rti_gpu_frame *f = &p->frame;
+    rt_status status = RT_OK;
+    size_t i;
+    int sample;
+    f->left = (uint32_t)box[0];
+    f->top = (uint32_t)box[1];
+    f->width = (uint32_t)(box[2] - box[0]);
+    f->height = (uint32_t)(box[3] - box[1]);
+    for (sample = 0; sample < p->spp && status == RT_OK; sample++) status = rti_gpu_render_sample(p, sample);
+    if (status == RT_OK)
+        status = rt_gpu_read(p->gpu->work, RTI_GPU_ALIGN, p->pixels, (size_t)f->width * f->height * sizeof *p->pixels, p->error);
+    for (i = 0; i < (size_t)f->width * f->height && status == RT_OK; i++) {
+        const rti_gpu_pixel *pixel = &p->pixels[i];
+        pixels[(f->top + i / f->width) * (size_t)width + f->left + i % f->width] = rti_scale(pixel->sum, 1 / (float)p->spp);
+        p->counts.shadow += pixel->shadow;
+        p->counts.reflect += pixel->reflect;
+        p->counts.refract += pixel->refract;
+    }
+    return status;
+}
+
+RT_API rt_status rt_gpu_render_tile(rt_gpu *gpu, const rt_gpu_scene *scene, const rt_render_options *opt, int x0, int y0, int x1, int y1,
+                                    rt_vec3 *pixels, rt_ray_counts *rays)
+{
+    const int tile[4] = { x0, y0, x1, y1 };
+    rti_gpu_picture p;
+    rt_status status;
+    int box[4], columns, rows;
+    if (!opt) return RT_ERROR_ARGUMENT;
+    if (!gpu || !scene || !pixels)
+        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", !gpu ? "gpu" : scene ? "pixels" : "scene");
+    if (scene->object.gpu != gpu) return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "scene belongs to another context");
+    if ((status = rti_check_tile(opt, tile)) != RT_OK) return status;
+    if ((status = rti_check_camera(&scene->camera, opt->trace.error)) != RT_OK) return status;
+    if (opt->raster) return rti_fail(opt->trace.error, RT_ERROR_UNSUPPORTED, RT_NONE, "no rasters yet");
+    memset(&p, 0, sizeof p);
+    p.gpu = gpu;
+    p.scene = scene;
+    p.spp = opt->spp ? opt->spp : 1;
+    p.error = opt->trace.error;
+    if ((status = rti_gpu_begin(&p, scene, opt)) != RT_OK || x0 == x1 || y0 == y1) return status;
+    status = rti_gpu_make_room(&p, (size_t)(x1 - x0) * (size_t)(y1 - y0));
+    columns = (uint32_t)(x1 - x0) < p.frame.space ? x1 - x0 : (int)p.frame.space;
+    rows = (int)(p.frame.space / (uint32_t)columns);
+    for (box[1] = y0; box[1] < y1 && status == RT_OK; box[1] = box[3])
+        for (box[3] = y1 - box[1] > rows ? box[1] + rows : y1, box[0] = x0; box[0] < x1 && status == RT_OK; box[0] = box[2]) {
+            box[2] = x1 - box[0] > columns ? box[0] + columns : x1;
+            status = rti_gpu_render_part(&p, box, opt->width, pixels);
+        }
+    rti_release(p.pixels, gpu->memory_user);
+    if (rays && status == RT_OK) {
+        rays->primary += p.counts.primary;
+        rays->shadow += p.counts.shadow;
+        rays->reflect += p.counts.reflect;
+        rays->refract += p.counts.refract;
+    }
+    return status;
+}
+
+#endif
 
 #undef RTI_SHARED                           /* rt.h, where it is included again, has its own */
 #undef RTI_IN

@@ -16,9 +16,10 @@ RTI_SHARED(
 typedef struct {
     uint32_t structure, node_count, plane_count, moves, bounds, orders, order_axes[3], slots[3];
     uint32_t nodes, kdnodes, kdlinks, kdslots, links, triangles, balls, planes, instances, wide;
+    uint32_t instance_bases, instance_slots, instance_count, paths;     /* see rti_family of rt.h */
     float lower[3], upper[3], extent, spread;
 } rti_gpu_record;
-typedef char rti_check_record[sizeof(rti_gpu_record) == 120 ? 1 : -1];
+typedef char rti_check_record[sizeof(rti_gpu_record) == 136 ? 1 : -1];
 )
 #if RTI_INSTANCES
 RTI_SHARED(
@@ -82,6 +83,7 @@ typedef char rti_check_wide[sizeof(rti_gpu_wide) == 256 && sizeof(rti_gpu_compac
 RTI_SHARED(
 typedef uchar uint8_t;
 typedef int int32_t;
+typedef long int64_t;
 typedef uint uint32_t;
 typedef ulong uint64_t;
 typedef struct { float x, y, z; } rt_vec3;
@@ -102,6 +104,7 @@ typedef struct { rt_query query; rt_algorithm algorithm; int entries; } rti_job;
 RTI_SHARED(
 typedef struct {
     const RTI_GLOBAL char *arena;
+    const RTI_GLOBAL rti_gpu_record *record;
     uint32_t structure, node_count, plane_count, moves, bounds, orders, order_axes[3], slots[3];
     float lower[3], upper[3], extent, spread;
     const RTI_GLOBAL rti_node *nodes;
@@ -123,6 +126,7 @@ RTI_FN void rti_open(rt_accel *a, const RTI_GLOBAL char *arena, uint32_t number)
     const RTI_GLOBAL rti_gpu_record *r = (const RTI_GLOBAL rti_gpu_record *)arena + number;
     int k;
     a->arena = arena;
+    a->record = r;
     a->structure = r->structure;
     a->node_count = r->node_count;
     a->plane_count = r->plane_count;
@@ -544,6 +548,502 @@ __kernel void rt_gpu_trace(__global const char *arena, __global const rt_ray *ra
 {
     const size_t first = get_global_id(0) * RTI_WIDTH;
     if (first < count) rti_trace_packet(arena, rays, hits, times, base + first, base + count, RTI_ALGORITHM, RTI_ENTRIES);
+}
+)
+
+#endif
+
+/* ---- scene: what rt_gpu_upload_scene copies, the same as C and on the device ---------------------------------------- */
+
+#if RTI_IN(SCENE)
+
+/* Where rt.h has pointers, distances in bytes from the thing itself, 0: none; those of parts from where they are told. */
+RTI_SHARED(
+typedef struct { int64_t levels; uint32_t kind, solid; int32_t width, height; rt_vec3 colors[2]; float size; uint32_t unused; } rti_gpu_texture;
+typedef struct {
+    int64_t texture, bump;
+    rt_vec3 diffuse, specular, emission, reflect, transmit, absorb;
+    float shininess, ior, roughness, bump_height;
+    uint32_t fresnel, unused;
+} rti_gpu_material;
+typedef struct { rt_vec3 position, color, edges[2]; float radius; uint32_t by_area; } rti_gpu_light;
+)
+
+/* What shades the primitives of an accel, see rti_shape of rt.h; parts: the distances of those of its instances. The outermost stands first. */
+RTI_SHARED(
+typedef struct {
+    int64_t vertices, indices, normals, normal_indices, colors, texcoords, texcoord_indices, materials, material_ids, spheres, planes, parts;
+    uint32_t stride, triangle_count, instance_count, tree_count;
+} rti_gpu_shape;
+typedef char rti_check_scene[sizeof(rti_gpu_texture) == 56 && sizeof(rti_gpu_material) == 112 && sizeof(rti_gpu_light) == 56 &&
+                             sizeof(rti_gpu_shape) == 112 ? 1 : -1];
+)
+
+/* What all steps of a tile have in common: rti_film and rti_world of rt.h, and how its memory is laid out, see rti_work. */
+RTI_SHARED(
+typedef struct {
+    rt_vec3 view[4], lens_right, lens_down, ambient, background;
+    float rfocus, open, length, angle, dx, dy;
+    uint32_t left, top, width, height;      /* of the tile */
+    uint32_t sample, spp, seed, frame, sampler, filter, lens_open, timed, spread;
+    uint32_t depth, lights, space, waiting; /* lights: where they are, as the arrays of an accel; pixels that there is room for, and for how
+                                               many rays that wait for each of them */
+} rti_gpu_frame;
+typedef struct { rt_vec3 sum; uint32_t waiting, shadow, reflect, refract; } rti_gpu_pixel;              /* rays that wait; and were sent */
+typedef struct { rt_vec3 weight; uint32_t pixel, medium, level, branch; float width, time; } rti_gpu_path;     /* rti_path; medium as lights */
+typedef char rti_check_frame[sizeof(rti_gpu_frame) == 188 && sizeof(rti_gpu_pixel) == 28 && sizeof(rti_gpu_path) == 36 ? 1 : -1];
+)
+
+#endif
+
+/* ---- shades: what shading of rt.h needs to know on a device --------------------------------------------------------- */
+
+#if RTI_IN(SHADES)
+
+"#ifndef NULL\n"
+"#define NULL 0\n"
+"#endif\n"
+"#define sqrtf sqrt\n"
+"#define fabsf fabs\n"
+"#define floorf floor\n"
+"#define copysignf copysign\n"
+"#define rti_keepf(x) (x)\n"
+"#define rti_double_bits as_ulong\n"
+"#define rti_bits_double as_double\n"
+"#define rti_vsqrt sqrt\n"
+"#define RTI_ABREAST 1\n"
+"#define RTI_SHOWS(things) RTI_SHOWS_##things\n"
+"#define RTI_FOLLOW(type, from, field) "
+    "((from)->field ? (const __global type *)((const __global char *)(from) + (from)->field) : (const __global type *)0)\n"
+"#define rt_texture rti_gpu_texture\n"
+"#define rt_material rti_gpu_material\n"
+"#define rt_light rti_gpu_light\n"
+"#define rti_part rti_gpu_shape\n"
+"#define rti_part_of(part, number) ((const __global rti_part *)((const __global char *)(RTI_FOLLOW(int64_t, part, parts) + (number)) + RTI_FOLLOW(int64_t, part, parts)[number]))\n"
+"#define rti_shape_of(p) ((rti_shape){ .vertices = RTI_FOLLOW(float, p, vertices), .stride = (p)->stride, "
+    ".indices = RTI_FOLLOW(uint32_t, p, indices), .normals = RTI_FOLLOW(rt_vec3, p, normals), "
+    ".normal_indices = RTI_FOLLOW(uint32_t, p, normal_indices), .colors = RTI_FOLLOW(rt_vec3, p, colors), "
+    ".texcoords = RTI_FOLLOW(float, p, texcoords), .texcoord_indices = RTI_FOLLOW(uint32_t, p, texcoord_indices), "
+    ".materials = RTI_FOLLOW(rt_material, p, materials), .material_ids = RTI_FOLLOW(uint32_t, p, material_ids), "
+    ".triangle_count = (p)->triangle_count, .instance_count = (p)->instance_count, "
+#if RTI_SPHERES
+    ".spheres = RTI_FOLLOW(rt_sphere, p, spheres), "
+#endif
+#if RTI_PLANES
+    ".planes = RTI_FOLLOW(rt_plane, p, planes), "
+#endif
+    ".tree_count = (p)->tree_count })\n"
+#if RTI_INSTANCES
+"#define rti_family_of(accel) ((rti_family){ (const __global uint32_t *)rti_reach((accel)->arena, (accel)->record->instance_bases), "
+    "(const __global uint32_t *)rti_reach((accel)->arena, (accel)->record->instance_slots), (accel)->instances, "
+    "(accel)->record->instance_count, (accel)->record->paths })\n"
+#endif
+#if RTI_SAMPLING
+"#define RTI_SAMPLING_OR(with, without) (with)\n"
+#else
+"#define RTI_SAMPLING_OR(with, without) (without)\n"
+#endif
+
+RTI_SHARED(
+typedef int rt_texture_kind;
+typedef int rt_sampler_kind;
+typedef int rt_filter;
+typedef struct { rt_sampler_kind kind; uint32_t spp, seed, frame; } rt_sampler;
+typedef struct { rt_vec3 center; float radius; } rt_sphere;
+typedef struct { rt_vec3 point, normal; float radius; } rt_plane;
+)
+
+#endif
+
+/* ---- frame: pictures, a tile at a time ------------------------------------------------------------------------------ */
+
+/* A sample of all pixels at once, in steps: look starts the eye rays; then, until no ray is left, rays are traced by the kernels of batches, meet
+   finds the surfaces, aim sends shadow rays to a light, which are traced, shine adds what the light does; bounce sends on what is mirrored or
+   refracted. A pixel has one ray on its way, the others wait: so its sum has the order that it has in rt.h. */
+#if RTI_IN(FRAME)
+
+/* The memory of a tile: its pixels, the paths of the rays before and after a bounce, what is known of the surfaces they are on, number by
+   number, and what waits, place by place. */
+RTI_SHARED(
+typedef struct {
+    RTI_GLOBAL uint32_t *count;             /* rays after a bounce */
+    RTI_GLOBAL rti_gpu_pixel *pixels;
+    RTI_GLOBAL rti_gpu_path *paths[2];
+    RTI_GLOBAL float *surfaces;
+    RTI_GLOBAL rt_ray *waiting_rays;
+    RTI_GLOBAL rti_gpu_path *waiting;
+} rti_work;
+
+RTI_FN rti_work rti_work_of(RTI_GLOBAL char *memory, const rti_gpu_frame *frame)
+{
+    const size_t space = frame->space;
+    rti_work w;
+    w.count = (RTI_GLOBAL uint32_t *)memory;
+    w.pixels = (RTI_GLOBAL rti_gpu_pixel *)(memory + RTI_GPU_ALIGN);
+    w.paths[0] = (RTI_GLOBAL rti_gpu_path *)(w.pixels + space);
+    w.paths[1] = w.paths[0] + space;
+    w.surfaces = (RTI_GLOBAL float *)(w.paths[1] + space);
+    w.waiting_rays = (RTI_GLOBAL rt_ray *)(w.surfaces + RTI_GPU_SURFACE * space);
+    w.waiting = (RTI_GLOBAL rti_gpu_path *)(w.waiting_rays + frame->waiting * space);
+    return w;
+}
+)
+
+/* A surface beyond its lanes: what a light's point counts, its material, as a path's medium, and whether it was met from inside. */
+RTI_SHARED(
+enum { RTI_TINT = RTI_LANE_COUNT, RTI_SHARE = RTI_TINT + 3, RTI_MATERIAL, RTI_INSIDE, RTI_SURFACE_NUMBERS };
+typedef char rti_check_surface[RTI_SURFACE_NUMBERS == RTI_GPU_SURFACE ? 1 : -1];
+
+RTI_FN uint32_t rti_number_of(const RTI_GLOBAL char *scene, const RTI_GLOBAL rt_material *material)
+{
+    return material ? (uint32_t)(((const RTI_GLOBAL char *)material - scene) / 16) : 0;
+}
+
+RTI_FN const RTI_GLOBAL rt_material *rti_material_of(const RTI_GLOBAL char *scene, uint32_t number)
+{
+    return number ? (const RTI_GLOBAL rt_material *)(scene + (size_t)number * 16) : (const RTI_GLOBAL rt_material *)0;
+}
+)
+
+RTI_SHARED(
+RTI_FN rti_path rti_load_path(const RTI_GLOBAL char *scene, const rti_gpu_path *from)
+{
+    rti_path path;
+    path.weight = from->weight;
+    path.pixel = from->pixel;
+    path.medium = rti_material_of(scene, from->medium);
+    path.width = from->width;
+)
+#if RTI_SAMPLING
+RTI_SHARED(
+    path.time = from->time;
+    path.branch = from->branch;
+)
+#endif
+RTI_SHARED(
+    return path;
+}
+
+RTI_FN rti_gpu_path rti_save_path(const RTI_GLOBAL char *scene, const rti_path *path, uint32_t level)
+{
+    rti_gpu_path to;
+    to.weight = path->weight;
+    to.pixel = path->pixel;
+    to.medium = rti_number_of(scene, path->medium);
+    to.level = level;
+    to.width = path->width;
+    to.time = RTI_SAMPLING_OR(path->time, 0);
+    to.branch = RTI_SAMPLING_OR(path->branch, 0);
+    return to;
+}
+)
+
+RTI_SHARED(
+RTI_FN rti_film rti_film_of(const rti_gpu_frame *frame)
+{
+    rti_film film;
+    film.view.eye = frame->view[0];
+    film.view.corner = frame->view[1];
+    film.view.right = frame->view[2];
+    film.view.down = frame->view[3];
+    film.left = frame->left;
+    film.top = frame->top;
+    film.side = frame->width;
+)
+#if RTI_SAMPLING
+RTI_SHARED(
+    film.sampler.kind = RTI_SAMPLER_KIND;
+    film.sampler.spp = frame->spp;
+    film.sampler.seed = frame->seed;
+    film.sampler.frame = frame->frame;
+    film.sample = frame->sample;
+    film.filter = RTI_FILTER_KIND;
+    film.lens.right = frame->lens_right;
+    film.lens.down = frame->lens_down;
+    film.lens.rfocus = frame->rfocus;
+    film.lens.open = RTI_LENS_OPEN;
+    film.spread = RTI_SPREAD;
+    film.timed = RTI_TIMED;
+    film.open = frame->open;
+    film.length = frame->length;
+)
+#endif
+RTI_SHARED(
+    return film;
+}
+)
+
+/* Pixel i of a tile: in blocks of 8 x 8, and within those in Morton order, so that rays beside each other are neighbours. */
+RTI_SHARED(
+RTI_FN uint32_t rti_place_of(uint32_t i, uint32_t width, uint32_t height)
+{
+    const uint32_t band = i / (8 * width), rest = i - band * 8 * width, rows = min(8u, height - 8 * band), column = rest / (8 * rows);
+    const uint32_t at = rest - column * 8 * rows, columns = min(8u, width - 8 * column);
+    uint32_t x = at % columns, y = at / columns;
+    if (columns == 8 && rows == 8) {
+        x = (at & 1) | (at >> 1 & 2) | (at >> 2 & 4);
+        y = (at >> 1 & 1) | (at >> 2 & 2) | (at >> 3 & 4);
+    }
+    return (8 * band + y) * width + 8 * column + x;
+}
+)
+
+"#define RTI_STEP __global const char *scene, __global const char *arena, rti_gpu_frame given, __global char *memory, __global rt_ray *rays, "
+    "__global rt_hit *hits, __global float *times, uint count, uint turn, uint number\n"
+
+RTI_SHARED(
+__kernel void rt_gpu_look(RTI_STEP)
+{
+    const rti_gpu_frame *const frame = &given;
+    const uint32_t i = (uint32_t)get_global_id(0);
+    const rti_work w = rti_work_of(memory, frame);
+    const rti_film film = rti_film_of(frame);
+    rti_path path;
+    rt_ray ray;
+    if (i >= count) return;
+    rti_start_path(&path, rti_place_of(i, frame->width, frame->height), frame->open);
+    ray = rti_view_ray(&film.view, (float)(film.left + path.pixel % film.side) + frame->dx, (float)(film.top + path.pixel / film.side) + frame->dy);
+)
+#if RTI_SAMPLING
+RTI_SHARED(
+    rti_spread(&film, &path, &ray);
+    if (RTI_TIMED) times[i] = path.time;
+)
+#endif
+RTI_SHARED(
+    rays[i] = ray;
+    w.paths[0][i] = rti_save_path(scene, &path, 0);
+    if (!frame->sample) w.pixels[path.pixel] = (rti_gpu_pixel){ { 0, 0, 0 }, 0, 0, 0, 0 };
+}
+)
+
+RTI_SHARED(
+__kernel void rt_gpu_meet(RTI_STEP)
+{
+    const rti_gpu_frame *const frame = &given;
+    const uint32_t i = (uint32_t)get_global_id(0);
+    const rti_work w = rti_work_of(memory, frame);
+    const RTI_GLOBAL rti_part *part = (const RTI_GLOBAL rti_part *)scene;
+    RTI_GLOBAL float *const surface = w.surfaces + i;
+    float lanes[RTI_LANE_COUNT];
+    rti_known known = { NULL, false, false };
+    rti_gpu_path saved;
+    rti_world world;
+    rti_path path;
+    rt_accel root;
+    rt_vec3 tint;
+    rt_vec3 sum;
+    rt_hit hit;
+    rt_ray ray;
+    bool inside = false;
+    int k;
+    if (!i) *w.count = 0;
+    if (i >= count) return;
+    saved = w.paths[turn][i];
+    hit = hits[i];
+    sum = w.pixels[saved.pixel].sum;
+    if (hit.prim == RT_NONE) {
+        rti_add_to(&sum, saved.weight, frame->background);
+        surface[RTI_MATERIAL * frame->space] = 0;
+        w.pixels[saved.pixel].sum = sum;
+        return;
+    }
+    world.shape = rti_shape_of(part);
+    world.ambient = frame->ambient;
+    world.background = frame->background;
+    world.angle = frame->angle;
+)
+#if RTI_INSTANCES
+RTI_SHARED(
+    if (RTI_SHOWS(INSTANCES)) rti_open(&root, arena, 0);
+    world.accel = &root;
+    world.part = part;
+)
+#endif
+RTI_SHARED(
+    ray = rays[i];
+    path = rti_load_path(scene, &saved);
+    rti_meet(&world, &ray, &hit, &path, &known, lanes, &tint, &inside, &sum);
+    rti_finish_lanes(lanes);
+    for (k = 0; k <= RTI_OFFSET; k++) surface[k * frame->space] = lanes[k];
+    surface[RTI_TINT * frame->space] = tint.x;
+    surface[(RTI_TINT + 1) * frame->space] = tint.y;
+    surface[(RTI_TINT + 2) * frame->space] = tint.z;
+    surface[RTI_MATERIAL * frame->space] = as_float(rti_number_of(scene, known.material));
+    surface[RTI_INSIDE * frame->space] = inside;
+    w.pixels[saved.pixel].sum = sum;
+    w.paths[turn][i] = rti_save_path(scene, &path, saved.level);
+}
+)
+
+/* A surface as meet left it; answers its material, or NULL. */
+RTI_SHARED(
+RTI_FN const RTI_GLOBAL rt_material *rti_load_surface(const rti_work *w, const RTI_GLOBAL char *scene, uint32_t i, uint32_t space, float *lanes,
+                                                      rt_vec3 *tint)
+{
+    const RTI_GLOBAL float *surface = w->surfaces + i;
+    const uint32_t number = as_uint(surface[RTI_MATERIAL * space]);
+    int k;
+    if (!number) return NULL;
+    for (k = 0; k <= RTI_OFFSET; k++) lanes[k] = surface[k * space];
+    *tint = rti_vec3(surface[RTI_TINT * space], surface[(RTI_TINT + 1) * space], surface[(RTI_TINT + 2) * space]);
+    return rti_material_of(scene, number);
+}
+)
+
+/* Where a light does nothing a ray goes nowhere: its hit is none, and the surface's cosine 0. */
+RTI_SHARED(
+__kernel void rt_gpu_aim(RTI_STEP)
+{
+    const rti_gpu_frame *const frame = &given;
+    const uint32_t i = (uint32_t)get_global_id(0);
+    const rti_work w = rti_work_of(memory, frame);
+    const rt_light light = ((const RTI_GLOBAL rt_light *)(scene + (size_t)frame->lights * RTI_GPU_ALIGN))[number];
+    const RTI_GLOBAL rt_material *material;
+    RTI_GLOBAL float *const surface = w.surfaces + i;
+    float lanes[RTI_LANE_COUNT], share = 1;
+    rti_v there[3];
+    rt_vec3 tint;
+    rt_ray ray;
+    bool sent = false;
+    if (i >= count) return;
+    material = rti_load_surface(&w, scene, i, frame->space, lanes, &tint);
+    if (material) {
+        there[0] = light.position.x;
+        there[1] = light.position.y;
+        there[2] = light.position.z;
+)
+#if RTI_SAMPLING
+RTI_SHARED(
+        if (RTI_SHOWS(LAMPS) && rti_has_size(&light)) {
+            const rti_film film = rti_film_of(frame);
+            const rti_gpu_path saved = w.paths[turn][i];
+            const rti_path path = rti_load_path(scene, &saved);
+            share = rti_sample_light(&film, &path, &light, number, lanes);
+            rti_vload3(lanes, RTI_TO_LIGHT, there);
+        }
+)
+#endif
+RTI_SHARED(
+        rti_aim_lanes(lanes, there);
+        sent = rti_faces_light(lanes, tint, material) && share > 0;
+        surface[RTI_COSINE * frame->space] = sent ? lanes[RTI_COSINE] : 0;
+    }
+    if (sent) {
+        surface[RTI_HIGHLIGHT * frame->space] = lanes[RTI_HIGHLIGHT];
+        surface[RTI_SHARE * frame->space] = share;
+        w.pixels[w.paths[turn][i].pixel].shadow++;
+        rti_set_ray(&ray, rti_get(lanes, RTI_POINT), rti_get(lanes, RTI_TO_LIGHT), 1);
+    } else rti_set_ray(&ray, rti_vec3(0, 0, 0), rti_vec3(0, 0, 1), -1);
+    rays[i] = ray;
+}
+)
+
+RTI_SHARED(
+__kernel void rt_gpu_shine(RTI_STEP)
+{
+    const rti_gpu_frame *const frame = &given;
+    const uint32_t i = (uint32_t)get_global_id(0);
+    const rti_work w = rti_work_of(memory, frame);
+    const rt_light light = ((const RTI_GLOBAL rt_light *)(scene + (size_t)frame->lights * RTI_GPU_ALIGN))[number];
+    const RTI_GLOBAL rt_material *material;
+    const RTI_GLOBAL float *const surface = w.surfaces + i;
+    float lanes[RTI_LANE_COUNT];
+    rt_vec3 color = light.color;
+    rti_gpu_path path;
+    rt_vec3 tint;
+    rt_vec3 sum;
+    if (i >= count || hits[i].prim != RT_NONE || !as_uint(surface[RTI_MATERIAL * frame->space])) return;
+    lanes[RTI_COSINE] = surface[RTI_COSINE * frame->space];
+    if (!(lanes[RTI_COSINE] > 0)) return;
+    lanes[RTI_HIGHLIGHT] = surface[RTI_HIGHLIGHT * frame->space];
+    tint = rti_vec3(surface[RTI_TINT * frame->space], surface[(RTI_TINT + 1) * frame->space], surface[(RTI_TINT + 2) * frame->space]);
+    material = rti_material_of(scene, as_uint(surface[RTI_MATERIAL * frame->space]));
+)
+#if RTI_SAMPLING
+RTI_SHARED(
+    if (RTI_SHOWS(LAMPS) && rti_has_size(&light)) color = rti_scale(color, surface[RTI_SHARE * frame->space]);
+)
+#endif
+RTI_SHARED(
+    path = w.paths[turn][i];
+    sum = w.pixels[path.pixel].sum;
+    rti_shine(lanes, tint, path.weight, material, color, &sum);
+    w.pixels[path.pixel].sum = sum;
+}
+)
+
+/* The ray that follows ray i of a pixel: what is refracted first, then what is mirrored, then what has been waiting; false: none. */
+RTI_SHARED(
+RTI_FN bool rti_go_on(const rti_work *w, const RTI_GLOBAL char *scene, const rti_gpu_frame *frame, uint32_t i, uint32_t turn, rt_ray *ray,
+                      rti_gpu_path *path)
+{
+    const rti_gpu_path saved = w->paths[turn][i];
+    RTI_GLOBAL rti_gpu_pixel *const pixel = w->pixels + saved.pixel;
+    const RTI_GLOBAL rt_material *material;
+    float lanes[RTI_LANE_COUNT];
+    uint32_t sent = 0;
+    uint32_t waiting = pixel->waiting;
+    rt_vec3 tint;
+    rt_ray next[2];
+    rti_path from;
+    rti_path follow[2];
+    size_t at;
+    material = rti_load_surface(w, scene, i, frame->space, lanes, &tint);
+    if (material && saved.level < frame->depth && (rti_any(material->reflect) || rti_any(material->transmit))) {
+        rt_ray *const to_rays[2] = { &next[0], &next[1] };
+        rti_path *const to_paths[2] = { &follow[0], &follow[1] };
+        const rti_film film = rti_film_of(frame);
+        from = rti_load_path(scene, &saved);
+        sent = rti_bounce_off(&film, &from, material, w->surfaces[RTI_INSIDE * frame->space + i] != 0, lanes, to_rays, to_paths);
+    }
+    pixel->reflect += sent & 1;
+    pixel->refract += sent >> 1;
+    if (sent == 3) {
+        at = (size_t)waiting * frame->space + saved.pixel;
+        w->waiting_rays[at] = next[0];
+        w->waiting[at] = rti_save_path(scene, &follow[0], saved.level + 1);
+        pixel->waiting = waiting + 1;
+    }
+    if (sent) {
+        *ray = sent & 2 ? next[1] : next[0];
+        *path = rti_save_path(scene, sent & 2 ? &follow[1] : &follow[0], saved.level + 1);
+        return true;
+    }
+    if (!waiting) return false;
+    pixel->waiting = --waiting;
+    at = (size_t)waiting * frame->space + saved.pixel;
+    *ray = w->waiting_rays[at];
+    *path = w->waiting[at];
+    return true;
+}
+)
+
+/* Rays move together, a work-group's beside each other. */
+RTI_SHARED(
+__kernel void rt_gpu_bounce(RTI_STEP)
+{
+    __local uint32_t going;
+    __local uint32_t first;
+    const rti_gpu_frame *const frame = &given;
+    const uint32_t i = (uint32_t)get_global_id(0);
+    const rti_work w = rti_work_of(memory, frame);
+    uint32_t place = 0;
+    rti_gpu_path path;
+    rt_ray ray;
+    bool goes = false;
+    if (!get_local_id(0)) going = 0;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (i < count) goes = rti_go_on(&w, scene, frame, i, turn, &ray, &path);
+    if (goes) place = atomic_inc(&going);
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (!get_local_id(0)) first = atomic_add(w.count, going);
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (goes) {
+        rays[first + place] = ray;
+        w.paths[!turn][first + place] = path;
+        if (RTI_TIMED) times[first + place] = path.time;
+    }
 }
 )
 
