@@ -10906,8 +10906,10 @@ RTI_FN void rti_vunit(rti_v a[3])
     const rti_v least = rti_vset(FLT_MIN), one = rti_vset(1);
     rti_v scale = rti_vdiv(one, rti_vmax(rti_vlargest(a), least));
     int k;
+    RTI_UNROLL
     for (k = 0; k < 3; k++) a[k] = rti_vmul(a[k], scale);
     scale = rti_vdiv(one, rti_vsqrt(rti_vmax(rti_vdot(a, a), least)));
+    RTI_UNROLL
     for (k = 0; k < 3; k++) a[k] = rti_vmul(a[k], scale);
 }
 )
@@ -10918,18 +10920,21 @@ RTI_FN void rti_vflip(rti_v a[3], rti_v sign)
 {
     const rti_v side = rti_vsign(rti_vset(1), sign);
     int k;
+    RTI_UNROLL
     for (k = 0; k < 3; k++) a[k] = rti_vmul(a[k], side);
 }
 
 RTI_FN void rti_vload3(const float *lanes, int lane, rti_v a[3])
 {
     int k;
+    RTI_UNROLL
     for (k = 0; k < 3; k++) a[k] = rti_vload(lanes + (lane + k) * RTI_ABREAST);
 }
 
 RTI_FN void rti_vstore3(float *lanes, int lane, const rti_v a[3])
 {
     int k;
+    RTI_UNROLL
     for (k = 0; k < 3; k++) rti_vstore(lanes + (lane + k) * RTI_ABREAST, a[k]);
 }
 )
@@ -10945,12 +10950,14 @@ RTI_FN void rti_finish_lanes(float *lanes)
     rti_vload3(lanes, RTI_GEOMETRIC, geometric);
     rti_vload3(lanes, RTI_NORMAL, normal);
     offset = rti_vmul(rti_vload(lanes + RTI_OFFSET * RTI_ABREAST), rti_vset(3e-6f));     /* some 50 rounding errors */
+    RTI_UNROLL
     for (k = 0; k < 3; k++) view[k] = rti_vsub(rti_vset(0), view[k]);
     rti_vunit(view);
     rti_vunit(geometric);
     rti_vunit(normal);
     rti_vflip(geometric, rti_vdot(geometric, view));
     rti_vflip(normal, rti_vdot(normal, geometric));
+    RTI_UNROLL
     for (k = 0; k < 3; k++) point[k] = rti_vadd(point[k], rti_vround(rti_vmul(geometric[k], offset)));
     rti_vstore3(lanes, RTI_POINT, point);
     rti_vstore3(lanes, RTI_VIEW, view);
@@ -10972,6 +10979,7 @@ RTI_FN void rti_aim_lanes(float *lanes, const rti_v there[3])
     rti_vload3(lanes, RTI_VIEW, view);
     rti_vload3(lanes, RTI_GEOMETRIC, geometric);
     rti_vload3(lanes, RTI_NORMAL, normal);
+    RTI_UNROLL
     for (k = 0; k < 3; k++) to[k] = rti_vsub(there[k], point[k]);
     rti_vstore3(lanes, RTI_TO_LIGHT, to);
     rti_vunit(to);

@@ -671,6 +671,7 @@ RT_API rt_status rt_gpu_read(rt_gpu_buffer *buffer, size_t offset, void *to, siz
 #define RTI_TEXT_SHADING        25
 #define RTI_TEXT_SHADE          26
 #define RTI_TEXT_FRAME          27
+#define RTI_TEXT_STEPS          28
 
 #define RTI_TEXT RTI_TEXT_LAYOUT            /* as C */
 #include RT_GPU_KERNELS
@@ -1299,6 +1300,10 @@ static const char *const rti_gpu_texts[] = {
 #define RTI_TEXT RTI_TEXT_FRAME
 #include RT_GPU_KERNELS
 #undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_STEPS
+#include RT_GPU_KERNELS
+#undef RTI_TEXT
     "", NULL
 #endif
 };
@@ -1531,6 +1536,7 @@ static void rti_gpu_write_frame(rti_gpu_source *s, const rti_gpu_key *key)
     rti_gpu_append_part(s, RTI_TEXT_SHADING);
     rti_gpu_append_part(s, RTI_TEXT_SHADE);
     rti_gpu_append_part(s, RTI_TEXT_FRAME);
+    rti_gpu_append_part(s, RTI_TEXT_STEPS);
 }
 #endif
 
@@ -2373,8 +2379,8 @@ static rt_status rti_gpu_make_room(rti_gpu_picture *p, size_t pixels)
     each = rti_gpu_work_bytes(&p->frame) + sizeof(rt_ray) + sizeof(rt_hit) + sizeof(float);
     most = left / each;
     if (most > RTI_GPU_TILE(gpu)) most = RTI_GPU_TILE(gpu);
-    if (pixels > most) pixels = most;
-    p->frame.space = (uint32_t)(pixels ? pixels : 1);
+    if (pixels > most) pixels = most ? most : 1;
+    p->frame.space = (uint32_t)(pixels + 63) / 32 * 32;    /* not a power of 2: numbers of a surface would share a line of the cache */
     if ((status = rti_gpu_stage(gpu, &gpu->rays, p->frame.space * sizeof(rt_ray), p->error)) != RT_OK) return status;
     if ((status = rti_gpu_stage(gpu, &gpu->hits, p->frame.space * sizeof(rt_hit), p->error)) != RT_OK) return status;
     if ((status = rti_gpu_stage(gpu, &gpu->times, p->frame.space * sizeof(float), p->error)) != RT_OK) return status;

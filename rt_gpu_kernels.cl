@@ -586,8 +586,8 @@ typedef struct {
     float rfocus, open, length, angle, dx, dy;
     uint32_t left, top, width, height;      /* of the tile */
     uint32_t sample, spp, seed, frame, sampler, filter, lens_open, timed, spread;
-    uint32_t depth, lights, space, waiting; /* lights: where they are, as the arrays of an accel; pixels that there is room for, and for how
-                                               many rays that wait for each of them */
+    uint32_t depth, space, waiting;         /* pixels that there is room for, and for how many rays that wait for each of them */
+    uint32_t lights;                        /* where they are, as the arrays of an accel */
 } rti_gpu_frame;
 typedef struct { rt_vec3 sum; uint32_t waiting, shadow, reflect, refract; } rti_gpu_pixel;              /* rays that wait; and were sent */
 typedef struct { rt_vec3 weight; uint32_t pixel, medium, level, branch; float width, time; } rti_gpu_path;     /* rti_path; medium as lights */
@@ -655,90 +655,19 @@ typedef struct { rt_vec3 point, normal; float radius; } rt_plane;
 
 #endif
 
-/* ---- frame: pictures, a tile at a time ------------------------------------------------------------------------------ */
+/* ---- frame: what a ray does in a picture ---------------------------------------------------------------------------- */
 
-/* A sample of all pixels at once, in steps: look starts the eye rays; then, until no ray is left, rays are traced by the kernels of batches, meet
-   finds the surfaces, aim sends shadow rays to a light, which are traced, shine adds what the light does; bounce sends on what is mirrored or
-   refracted. A pixel has one ray on its way, the others wait: so its sum has the order that it has in rt.h. */
 #if RTI_IN(FRAME)
 
-/* The memory of a tile: its pixels, the paths of the rays before and after a bounce, what is known of the surfaces they are on, number by
-   number, and what waits, place by place. */
+/* A surface that a ray has met, its lanes as rti_lane of rt.h says; material NULL: none. share: what a light's point counts. */
 RTI_SHARED(
 typedef struct {
-    RTI_GLOBAL uint32_t *count;             /* rays after a bounce */
-    RTI_GLOBAL rti_gpu_pixel *pixels;
-    RTI_GLOBAL rti_gpu_path *paths[2];
-    RTI_GLOBAL float *surfaces;
-    RTI_GLOBAL rt_ray *waiting_rays;
-    RTI_GLOBAL rti_gpu_path *waiting;
-} rti_work;
+    float lanes[RTI_LANE_COUNT], share;
+    rt_vec3 tint;
+    const RTI_GLOBAL rt_material *material;
+    bool inside;
+} rti_surface;
 
-RTI_FN rti_work rti_work_of(RTI_GLOBAL char *memory, const rti_gpu_frame *frame)
-{
-    const size_t space = frame->space;
-    rti_work w;
-    w.count = (RTI_GLOBAL uint32_t *)memory;
-    w.pixels = (RTI_GLOBAL rti_gpu_pixel *)(memory + RTI_GPU_ALIGN);
-    w.paths[0] = (RTI_GLOBAL rti_gpu_path *)(w.pixels + space);
-    w.paths[1] = w.paths[0] + space;
-    w.surfaces = (RTI_GLOBAL float *)(w.paths[1] + space);
-    w.waiting_rays = (RTI_GLOBAL rt_ray *)(w.surfaces + RTI_GPU_SURFACE * space);
-    w.waiting = (RTI_GLOBAL rti_gpu_path *)(w.waiting_rays + frame->waiting * space);
-    return w;
-}
-)
-
-/* A surface beyond its lanes: what a light's point counts, its material, as a path's medium, and whether it was met from inside. */
-RTI_SHARED(
-enum { RTI_TINT = RTI_LANE_COUNT, RTI_SHARE = RTI_TINT + 3, RTI_MATERIAL, RTI_INSIDE, RTI_SURFACE_NUMBERS };
-typedef char rti_check_surface[RTI_SURFACE_NUMBERS == RTI_GPU_SURFACE ? 1 : -1];
-
-RTI_FN uint32_t rti_number_of(const RTI_GLOBAL char *scene, const RTI_GLOBAL rt_material *material)
-{
-    return material ? (uint32_t)(((const RTI_GLOBAL char *)material - scene) / 16) : 0;
-}
-
-RTI_FN const RTI_GLOBAL rt_material *rti_material_of(const RTI_GLOBAL char *scene, uint32_t number)
-{
-    return number ? (const RTI_GLOBAL rt_material *)(scene + (size_t)number * 16) : (const RTI_GLOBAL rt_material *)0;
-}
-)
-
-RTI_SHARED(
-RTI_FN rti_path rti_load_path(const RTI_GLOBAL char *scene, const rti_gpu_path *from)
-{
-    rti_path path;
-    path.weight = from->weight;
-    path.pixel = from->pixel;
-    path.medium = rti_material_of(scene, from->medium);
-    path.width = from->width;
-)
-#if RTI_SAMPLING
-RTI_SHARED(
-    path.time = from->time;
-    path.branch = from->branch;
-)
-#endif
-RTI_SHARED(
-    return path;
-}
-
-RTI_FN rti_gpu_path rti_save_path(const RTI_GLOBAL char *scene, const rti_path *path, uint32_t level)
-{
-    rti_gpu_path to;
-    to.weight = path->weight;
-    to.pixel = path->pixel;
-    to.medium = rti_number_of(scene, path->medium);
-    to.level = level;
-    to.width = path->width;
-    to.time = RTI_SAMPLING_OR(path->time, 0);
-    to.branch = RTI_SAMPLING_OR(path->branch, 0);
-    return to;
-}
-)
-
-RTI_SHARED(
 RTI_FN rti_film rti_film_of(const rti_gpu_frame *frame)
 {
     rti_film film;
@@ -773,6 +702,29 @@ RTI_SHARED(
 }
 )
 
+/* root: room for the outermost accel, if there are instances to follow. */
+RTI_SHARED(
+RTI_FN rti_world rti_world_of(const rti_gpu_frame *frame, const RTI_GLOBAL char *scene, const RTI_GLOBAL char *arena, rt_accel *root)
+{
+    const RTI_GLOBAL rti_part *part = (const RTI_GLOBAL rti_part *)scene;
+    rti_world world;
+    world.shape = rti_shape_of(part);
+    world.ambient = frame->ambient;
+    world.background = frame->background;
+    world.angle = frame->angle;
+)
+#if RTI_INSTANCES
+RTI_SHARED(
+    if (RTI_SHOWS(INSTANCES)) rti_open(root, arena, 0);
+    world.accel = root;
+    world.part = part;
+)
+#endif
+RTI_SHARED(
+    return world;
+}
+)
+
 /* Pixel i of a tile: in blocks of 8 x 8, and within those in Morton order, so that rays beside each other are neighbours. */
 RTI_SHARED(
 RTI_FN uint32_t rti_place_of(uint32_t i, uint32_t width, uint32_t height)
@@ -788,6 +740,199 @@ RTI_FN uint32_t rti_place_of(uint32_t i, uint32_t width, uint32_t height)
 }
 )
 
+RTI_SHARED(
+RTI_FN rt_ray rti_start(const rti_gpu_frame *frame, const rti_film *film, uint32_t pixel, rti_path *path)
+{
+    const float x = (float)(film->left + pixel % film->side) + frame->dx, y = (float)(film->top + pixel / film->side) + frame->dy;
+    rt_ray ray = rti_view_ray(&film->view, x, y);
+    rti_start_path(path, pixel, frame->open);
+)
+#if RTI_SAMPLING
+RTI_SHARED(
+    rti_spread(film, path, &ray);
+)
+#endif
+RTI_SHARED(
+    return ray;
+}
+
+RTI_FN void rti_see(const rti_world *world, const rt_ray *ray, const rt_hit *hit, rti_path *path, rti_surface *s, rt_vec3 *sum)
+{
+    rti_known known = { NULL, false, false };
+    s->inside = false;
+    if (hit->prim == RT_NONE) rti_add_to(sum, path->weight, world->background);
+    else {
+        rti_meet(world, ray, hit, path, &known, s->lanes, &s->tint, &s->inside, sum);
+        rti_finish_lanes(s->lanes);
+    }
+    s->material = known.material;
+}
+)
+
+/* The ray from a surface to a light; false: the light does nothing there. */
+RTI_SHARED(
+RTI_FN bool rti_aim_at(const rti_film *film, const rti_path *path, const rt_light *light, uint32_t number, rti_surface *s, rt_ray *ray)
+{
+    rti_v there[3];
+    there[0] = light->position.x;
+    there[1] = light->position.y;
+    there[2] = light->position.z;
+    s->share = 1;
+)
+#if RTI_SAMPLING
+RTI_SHARED(
+    if (RTI_SHOWS(LAMPS) && rti_has_size(light)) {
+        s->share = rti_sample_light(film, path, light, number, s->lanes);
+        rti_vload3(s->lanes, RTI_TO_LIGHT, there);
+    }
+)
+#endif
+RTI_SHARED(
+    rti_aim_lanes(s->lanes, there);
+    rti_set_ray(ray, rti_get(s->lanes, RTI_POINT), rti_get(s->lanes, RTI_TO_LIGHT), 1);
+    return rti_faces_light(s->lanes, s->tint, s->material) && s->share > 0;
+}
+
+RTI_FN void rti_add_light(const rt_light *light, rt_vec3 weight, const rti_surface *s, rt_vec3 *sum)
+{
+    rt_vec3 color = light->color;
+)
+#if RTI_SAMPLING
+RTI_SHARED(
+    if (RTI_SHOWS(LAMPS) && rti_has_size(light)) color = rti_scale(color, s->share);
+)
+#endif
+RTI_SHARED(
+    rti_shine(s->lanes, s->tint, weight, s->material, color, sum);
+}
+)
+
+/* As rti_bounce_off, if there is a shiny surface and its ray is not the last. */
+RTI_SHARED(
+RTI_FN uint32_t rti_send_on(const rti_film *film, const rti_path *path, const rti_surface *s, bool last, rt_ray rays[2], rti_path paths[2])
+{
+    rt_ray *const to_rays[2] = { &rays[0], &rays[1] };
+    rti_path *const to_paths[2] = { &paths[0], &paths[1] };
+    if (last || !s->material || !(rti_any(s->material->reflect) || rti_any(s->material->transmit))) return 0;
+    return rti_bounce_off(film, path, s->material, s->inside, s->lanes, to_rays, to_paths);
+}
+
+RTI_FN rt_light rti_light_of(const RTI_GLOBAL char *scene, const rti_gpu_frame *frame, uint32_t number)
+{
+    return ((const RTI_GLOBAL rt_light *)(scene + (size_t)frame->lights * RTI_GPU_ALIGN))[number];
+}
+)
+
+#endif
+
+/* ---- steps: pictures, a sample of all pixels of a tile at a time ---------------------------------------------------- */
+
+/* look starts the eye rays; then, until no ray is left, rays are traced by the kernels of batches, meet finds the surfaces, aim sends shadow
+   rays to a light, which are traced, shine adds what the light does; bounce sends on what is mirrored or refracted. A pixel has one ray on
+   its way, the others wait: so its sum has the order that it has in rt.h. */
+#if RTI_IN(STEPS)
+
+/* The memory of a tile: its pixels, the paths of the rays before and after a bounce, what is known of the surfaces they are on, number by
+   number, and what waits, place by place. */
+RTI_SHARED(
+typedef struct {
+    RTI_GLOBAL uint32_t *count;             /* rays after a bounce */
+    RTI_GLOBAL rti_gpu_pixel *pixels;
+    RTI_GLOBAL rti_gpu_path *paths[2];
+    RTI_GLOBAL float *surfaces;
+    RTI_GLOBAL rt_ray *waiting_rays;
+    RTI_GLOBAL rti_gpu_path *waiting;
+} rti_work;
+
+RTI_FN rti_work rti_work_of(RTI_GLOBAL char *memory, const rti_gpu_frame *frame)
+{
+    const size_t space = frame->space;
+    rti_work w;
+    w.count = (RTI_GLOBAL uint32_t *)memory;
+    w.pixels = (RTI_GLOBAL rti_gpu_pixel *)(memory + RTI_GPU_ALIGN);
+    w.paths[0] = (RTI_GLOBAL rti_gpu_path *)(w.pixels + space);
+    w.paths[1] = w.paths[0] + space;
+    w.surfaces = (RTI_GLOBAL float *)(w.paths[1] + space);
+    w.waiting_rays = (RTI_GLOBAL rt_ray *)(w.surfaces + RTI_GPU_SURFACE * space);
+    w.waiting = (RTI_GLOBAL rti_gpu_path *)(w.waiting_rays + frame->waiting * space);
+    return w;
+}
+)
+
+/* Where the numbers of a surface stand that are not lanes. */
+RTI_SHARED(
+enum { RTI_TINT = RTI_LANE_COUNT, RTI_SHARE = RTI_TINT + 3, RTI_MATERIAL, RTI_INSIDE, RTI_SURFACE_NUMBERS };
+typedef char rti_check_surface[RTI_SURFACE_NUMBERS == RTI_GPU_SURFACE ? 1 : -1];
+
+RTI_FN uint32_t rti_number_of(const RTI_GLOBAL char *scene, const RTI_GLOBAL rt_material *material)
+{
+    return material ? (uint32_t)(((const RTI_GLOBAL char *)material - scene) / 16) : 0;
+}
+
+RTI_FN const RTI_GLOBAL rt_material *rti_material_of(const RTI_GLOBAL char *scene, uint32_t number)
+{
+    return number ? (const RTI_GLOBAL rt_material *)(scene + (size_t)number * 16) : (const RTI_GLOBAL rt_material *)0;
+}
+)
+
+RTI_SHARED(
+RTI_FN rti_path rti_load_path(const RTI_GLOBAL char *scene, const RTI_GLOBAL rti_gpu_path *from)
+{
+    rti_path path;
+    path.weight = from->weight;
+    path.pixel = from->pixel;
+    path.medium = rti_material_of(scene, from->medium);
+    path.width = from->width;
+)
+#if RTI_SAMPLING
+RTI_SHARED(
+    path.time = from->time;
+    path.branch = from->branch;
+)
+#endif
+RTI_SHARED(
+    return path;
+}
+
+RTI_FN void rti_save_path(const RTI_GLOBAL char *scene, const rti_path *path, uint32_t level, RTI_GLOBAL rti_gpu_path *to)
+{
+    to->weight = path->weight;
+    to->pixel = path->pixel;
+    to->medium = rti_number_of(scene, path->medium);
+    to->level = level;
+    to->width = path->width;
+    to->time = RTI_SAMPLING_OR(path->time, 0);
+    to->branch = RTI_SAMPLING_OR(path->branch, 0);
+}
+)
+
+/* As meet leaves it: without what aim adds. */
+RTI_SHARED(
+RTI_FN void rti_save_surface(const RTI_GLOBAL char *scene, const rti_surface *s, size_t space, RTI_GLOBAL float *to)
+{
+    int k;
+    to[RTI_MATERIAL * space] = as_float(rti_number_of(scene, s->material));
+    if (!s->material) return;
+    RTI_UNROLL
+    for (k = 0; k <= RTI_OFFSET; k++) to[k * space] = s->lanes[k];
+    to[RTI_TINT * space] = s->tint.x;
+    to[(RTI_TINT + 1) * space] = s->tint.y;
+    to[(RTI_TINT + 2) * space] = s->tint.z;
+    to[RTI_INSIDE * space] = s->inside;
+}
+
+RTI_FN void rti_load_surface(const RTI_GLOBAL char *scene, const RTI_GLOBAL float *from, size_t space, rti_surface *s)
+{
+    int k;
+    s->material = rti_material_of(scene, as_uint(from[RTI_MATERIAL * space]));
+    if (!s->material) return;
+    RTI_UNROLL
+    for (k = 0; k <= RTI_OFFSET; k++) s->lanes[k] = from[k * space];
+    s->tint = rti_vec3(from[RTI_TINT * space], from[(RTI_TINT + 1) * space], from[(RTI_TINT + 2) * space]);
+    s->inside = from[RTI_INSIDE * space] != 0;
+}
+)
+
 "#define RTI_STEP __global const char *scene, __global const char *arena, rti_gpu_frame given, __global char *memory, __global rt_ray *rays, "
     "__global rt_hit *hits, __global float *times, uint count, uint turn, uint number\n"
 
@@ -799,20 +944,10 @@ __kernel void rt_gpu_look(RTI_STEP)
     const rti_work w = rti_work_of(memory, frame);
     const rti_film film = rti_film_of(frame);
     rti_path path;
-    rt_ray ray;
     if (i >= count) return;
-    rti_start_path(&path, rti_place_of(i, frame->width, frame->height), frame->open);
-    ray = rti_view_ray(&film.view, (float)(film.left + path.pixel % film.side) + frame->dx, (float)(film.top + path.pixel / film.side) + frame->dy);
-)
-#if RTI_SAMPLING
-RTI_SHARED(
-    rti_spread(&film, &path, &ray);
-    if (RTI_TIMED) times[i] = path.time;
-)
-#endif
-RTI_SHARED(
-    rays[i] = ray;
-    w.paths[0][i] = rti_save_path(scene, &path, 0);
+    rays[i] = rti_start(frame, &film, rti_place_of(i, frame->width, frame->height), &path);
+    if (RTI_TIMED) times[i] = RTI_SAMPLING_OR(path.time, 0);
+    rti_save_path(scene, &path, 0, &w.paths[0][i]);
     if (!frame->sample) w.pixels[path.pixel] = (rti_gpu_pixel){ { 0, 0, 0 }, 0, 0, 0, 0 };
 }
 )
@@ -823,71 +958,25 @@ __kernel void rt_gpu_meet(RTI_STEP)
     const rti_gpu_frame *const frame = &given;
     const uint32_t i = (uint32_t)get_global_id(0);
     const rti_work w = rti_work_of(memory, frame);
-    const RTI_GLOBAL rti_part *part = (const RTI_GLOBAL rti_part *)scene;
-    RTI_GLOBAL float *const surface = w.surfaces + i;
-    float lanes[RTI_LANE_COUNT];
-    rti_known known = { NULL, false, false };
-    rti_gpu_path saved;
+    RTI_GLOBAL rti_gpu_path *const saved = &w.paths[turn][i];
+    rti_surface surface;
     rti_world world;
     rti_path path;
     rt_accel root;
-    rt_vec3 tint;
     rt_vec3 sum;
     rt_hit hit;
     rt_ray ray;
-    bool inside = false;
-    int k;
     if (!i) *w.count = 0;
     if (i >= count) return;
-    saved = w.paths[turn][i];
-    hit = hits[i];
-    sum = w.pixels[saved.pixel].sum;
-    if (hit.prim == RT_NONE) {
-        rti_add_to(&sum, saved.weight, frame->background);
-        surface[RTI_MATERIAL * frame->space] = 0;
-        w.pixels[saved.pixel].sum = sum;
-        return;
-    }
-    world.shape = rti_shape_of(part);
-    world.ambient = frame->ambient;
-    world.background = frame->background;
-    world.angle = frame->angle;
-)
-#if RTI_INSTANCES
-RTI_SHARED(
-    if (RTI_SHOWS(INSTANCES)) rti_open(&root, arena, 0);
-    world.accel = &root;
-    world.part = part;
-)
-#endif
-RTI_SHARED(
     ray = rays[i];
-    path = rti_load_path(scene, &saved);
-    rti_meet(&world, &ray, &hit, &path, &known, lanes, &tint, &inside, &sum);
-    rti_finish_lanes(lanes);
-    for (k = 0; k <= RTI_OFFSET; k++) surface[k * frame->space] = lanes[k];
-    surface[RTI_TINT * frame->space] = tint.x;
-    surface[(RTI_TINT + 1) * frame->space] = tint.y;
-    surface[(RTI_TINT + 2) * frame->space] = tint.z;
-    surface[RTI_MATERIAL * frame->space] = as_float(rti_number_of(scene, known.material));
-    surface[RTI_INSIDE * frame->space] = inside;
-    w.pixels[saved.pixel].sum = sum;
-    w.paths[turn][i] = rti_save_path(scene, &path, saved.level);
-}
-)
-
-/* A surface as meet left it; answers its material, or NULL. */
-RTI_SHARED(
-RTI_FN const RTI_GLOBAL rt_material *rti_load_surface(const rti_work *w, const RTI_GLOBAL char *scene, uint32_t i, uint32_t space, float *lanes,
-                                                      rt_vec3 *tint)
-{
-    const RTI_GLOBAL float *surface = w->surfaces + i;
-    const uint32_t number = as_uint(surface[RTI_MATERIAL * space]);
-    int k;
-    if (!number) return NULL;
-    for (k = 0; k <= RTI_OFFSET; k++) lanes[k] = surface[k * space];
-    *tint = rti_vec3(surface[RTI_TINT * space], surface[(RTI_TINT + 1) * space], surface[(RTI_TINT + 2) * space]);
-    return rti_material_of(scene, number);
+    hit = hits[i];
+    path = rti_load_path(scene, saved);
+    sum = w.pixels[path.pixel].sum;
+    world = rti_world_of(frame, scene, arena, &root);
+    rti_see(&world, &ray, &hit, &path, &surface, &sum);
+    rti_save_surface(scene, &surface, frame->space, w.surfaces + i);
+    rti_save_path(scene, &path, saved->level, saved);
+    w.pixels[path.pixel].sum = sum;
 }
 )
 
@@ -898,43 +987,24 @@ __kernel void rt_gpu_aim(RTI_STEP)
     const rti_gpu_frame *const frame = &given;
     const uint32_t i = (uint32_t)get_global_id(0);
     const rti_work w = rti_work_of(memory, frame);
-    const rt_light light = ((const RTI_GLOBAL rt_light *)(scene + (size_t)frame->lights * RTI_GPU_ALIGN))[number];
-    const RTI_GLOBAL rt_material *material;
-    RTI_GLOBAL float *const surface = w.surfaces + i;
-    float lanes[RTI_LANE_COUNT], share = 1;
-    rti_v there[3];
-    rt_vec3 tint;
+    const rt_light light = rti_light_of(scene, frame, number);
+    RTI_GLOBAL float *const to = w.surfaces + i;
+    const size_t space = frame->space;
+    rti_surface surface;
     rt_ray ray;
     bool sent = false;
     if (i >= count) return;
-    material = rti_load_surface(&w, scene, i, frame->space, lanes, &tint);
-    if (material) {
-        there[0] = light.position.x;
-        there[1] = light.position.y;
-        there[2] = light.position.z;
-)
-#if RTI_SAMPLING
-RTI_SHARED(
-        if (RTI_SHOWS(LAMPS) && rti_has_size(&light)) {
-            const rti_film film = rti_film_of(frame);
-            const rti_gpu_path saved = w.paths[turn][i];
-            const rti_path path = rti_load_path(scene, &saved);
-            share = rti_sample_light(&film, &path, &light, number, lanes);
-            rti_vload3(lanes, RTI_TO_LIGHT, there);
-        }
-)
-#endif
-RTI_SHARED(
-        rti_aim_lanes(lanes, there);
-        sent = rti_faces_light(lanes, tint, material) && share > 0;
-        surface[RTI_COSINE * frame->space] = sent ? lanes[RTI_COSINE] : 0;
+    rti_load_surface(scene, to, space, &surface);
+    if (surface.material) {
+        const rti_film film = rti_film_of(frame);
+        const rti_path path = rti_load_path(scene, &w.paths[turn][i]);
+        sent = rti_aim_at(&film, &path, &light, number, &surface, &ray);
+        to[RTI_COSINE * space] = sent ? surface.lanes[RTI_COSINE] : 0;
+        to[RTI_HIGHLIGHT * space] = surface.lanes[RTI_HIGHLIGHT];
+        to[RTI_SHARE * space] = surface.share;
+        w.pixels[path.pixel].shadow += sent;
     }
-    if (sent) {
-        surface[RTI_HIGHLIGHT * frame->space] = lanes[RTI_HIGHLIGHT];
-        surface[RTI_SHARE * frame->space] = share;
-        w.pixels[w.paths[turn][i].pixel].shadow++;
-        rti_set_ray(&ray, rti_get(lanes, RTI_POINT), rti_get(lanes, RTI_TO_LIGHT), 1);
-    } else rti_set_ray(&ray, rti_vec3(0, 0, 0), rti_vec3(0, 0, 1), -1);
+    if (!sent) rti_set_ray(&ray, rti_vec3(0, 0, 0), rti_vec3(0, 0, 1), -1);
     rays[i] = ray;
 }
 )
@@ -945,76 +1015,63 @@ __kernel void rt_gpu_shine(RTI_STEP)
     const rti_gpu_frame *const frame = &given;
     const uint32_t i = (uint32_t)get_global_id(0);
     const rti_work w = rti_work_of(memory, frame);
-    const rt_light light = ((const RTI_GLOBAL rt_light *)(scene + (size_t)frame->lights * RTI_GPU_ALIGN))[number];
-    const RTI_GLOBAL rt_material *material;
-    const RTI_GLOBAL float *const surface = w.surfaces + i;
-    float lanes[RTI_LANE_COUNT];
-    rt_vec3 color = light.color;
-    rti_gpu_path path;
-    rt_vec3 tint;
+    const rt_light light = rti_light_of(scene, frame, number);
+    const RTI_GLOBAL float *const from = w.surfaces + i;
+    const size_t space = frame->space;
+    RTI_GLOBAL rti_gpu_pixel *pixel;
+    rti_surface surface;
     rt_vec3 sum;
-    if (i >= count || hits[i].prim != RT_NONE || !as_uint(surface[RTI_MATERIAL * frame->space])) return;
-    lanes[RTI_COSINE] = surface[RTI_COSINE * frame->space];
-    if (!(lanes[RTI_COSINE] > 0)) return;
-    lanes[RTI_HIGHLIGHT] = surface[RTI_HIGHLIGHT * frame->space];
-    tint = rti_vec3(surface[RTI_TINT * frame->space], surface[(RTI_TINT + 1) * frame->space], surface[(RTI_TINT + 2) * frame->space]);
-    material = rti_material_of(scene, as_uint(surface[RTI_MATERIAL * frame->space]));
-)
-#if RTI_SAMPLING
-RTI_SHARED(
-    if (RTI_SHOWS(LAMPS) && rti_has_size(&light)) color = rti_scale(color, surface[RTI_SHARE * frame->space]);
-)
-#endif
-RTI_SHARED(
-    path = w.paths[turn][i];
-    sum = w.pixels[path.pixel].sum;
-    rti_shine(lanes, tint, path.weight, material, color, &sum);
-    w.pixels[path.pixel].sum = sum;
+    if (i >= count || hits[i].prim != RT_NONE) return;
+    rti_load_surface(scene, from, space, &surface);
+    if (!surface.material) return;
+    surface.lanes[RTI_COSINE] = from[RTI_COSINE * space];
+    if (!(surface.lanes[RTI_COSINE] > 0)) return;
+    surface.lanes[RTI_HIGHLIGHT] = from[RTI_HIGHLIGHT * space];
+    surface.share = from[RTI_SHARE * space];
+    pixel = &w.pixels[w.paths[turn][i].pixel];
+    sum = pixel->sum;
+    rti_add_light(&light, w.paths[turn][i].weight, &surface, &sum);
+    pixel->sum = sum;
 }
 )
 
 /* The ray that follows ray i of a pixel: what is refracted first, then what is mirrored, then what has been waiting; false: none. */
 RTI_SHARED(
 RTI_FN bool rti_go_on(const rti_work *w, const RTI_GLOBAL char *scene, const rti_gpu_frame *frame, uint32_t i, uint32_t turn, rt_ray *ray,
-                      rti_gpu_path *path)
+                      rti_path *path, uint32_t *level)
 {
-    const rti_gpu_path saved = w->paths[turn][i];
-    RTI_GLOBAL rti_gpu_pixel *const pixel = w->pixels + saved.pixel;
-    const RTI_GLOBAL rt_material *material;
-    float lanes[RTI_LANE_COUNT];
-    uint32_t sent = 0;
+    const RTI_GLOBAL rti_gpu_path *const saved = &w->paths[turn][i];
+    RTI_GLOBAL rti_gpu_pixel *const pixel = w->pixels + saved->pixel;
+    const rti_film film = rti_film_of(frame);
+    const rti_path from = rti_load_path(scene, saved);
     uint32_t waiting = pixel->waiting;
-    rt_vec3 tint;
-    rt_ray next[2];
-    rti_path from;
-    rti_path follow[2];
+    uint32_t sent;
+    rti_surface surface;
+    rt_ray rays[2];
+    rti_path paths[2];
     size_t at;
-    material = rti_load_surface(w, scene, i, frame->space, lanes, &tint);
-    if (material && saved.level < frame->depth && (rti_any(material->reflect) || rti_any(material->transmit))) {
-        rt_ray *const to_rays[2] = { &next[0], &next[1] };
-        rti_path *const to_paths[2] = { &follow[0], &follow[1] };
-        const rti_film film = rti_film_of(frame);
-        from = rti_load_path(scene, &saved);
-        sent = rti_bounce_off(&film, &from, material, w->surfaces[RTI_INSIDE * frame->space + i] != 0, lanes, to_rays, to_paths);
-    }
+    *level = saved->level + 1;
+    rti_load_surface(scene, w->surfaces + i, frame->space, &surface);
+    sent = rti_send_on(&film, &from, &surface, saved->level >= frame->depth, rays, paths);
     pixel->reflect += sent & 1;
     pixel->refract += sent >> 1;
     if (sent == 3) {
-        at = (size_t)waiting * frame->space + saved.pixel;
-        w->waiting_rays[at] = next[0];
-        w->waiting[at] = rti_save_path(scene, &follow[0], saved.level + 1);
+        at = (size_t)waiting * frame->space + from.pixel;
+        w->waiting_rays[at] = rays[0];
+        rti_save_path(scene, &paths[0], *level, &w->waiting[at]);
         pixel->waiting = waiting + 1;
     }
     if (sent) {
-        *ray = sent & 2 ? next[1] : next[0];
-        *path = rti_save_path(scene, sent & 2 ? &follow[1] : &follow[0], saved.level + 1);
+        *ray = sent & 2 ? rays[1] : rays[0];
+        *path = sent & 2 ? paths[1] : paths[0];
         return true;
     }
     if (!waiting) return false;
     pixel->waiting = --waiting;
-    at = (size_t)waiting * frame->space + saved.pixel;
+    at = (size_t)waiting * frame->space + from.pixel;
     *ray = w->waiting_rays[at];
-    *path = w->waiting[at];
+    *path = rti_load_path(scene, &w->waiting[at]);
+    *level = w->waiting[at].level;
     return true;
 }
 )
@@ -1029,20 +1086,22 @@ __kernel void rt_gpu_bounce(RTI_STEP)
     const uint32_t i = (uint32_t)get_global_id(0);
     const rti_work w = rti_work_of(memory, frame);
     uint32_t place = 0;
-    rti_gpu_path path;
+    uint32_t level;
+    rti_path path;
     rt_ray ray;
     bool goes = false;
     if (!get_local_id(0)) going = 0;
     barrier(CLK_LOCAL_MEM_FENCE);
-    if (i < count) goes = rti_go_on(&w, scene, frame, i, turn, &ray, &path);
+    if (i < count) goes = rti_go_on(&w, scene, frame, i, turn, &ray, &path, &level);
     if (goes) place = atomic_inc(&going);
     barrier(CLK_LOCAL_MEM_FENCE);
     if (!get_local_id(0)) first = atomic_add(w.count, going);
     barrier(CLK_LOCAL_MEM_FENCE);
     if (goes) {
-        rays[first + place] = ray;
-        w.paths[!turn][first + place] = path;
-        if (RTI_TIMED) times[first + place] = path.time;
+        place += first;
+        rays[place] = ray;
+        rti_save_path(scene, &path, level, &w.paths[!turn][place]);
+        if (RTI_TIMED) times[place] = RTI_SAMPLING_OR(path.time, 0);
     }
 }
 )
