@@ -665,13 +665,15 @@ RT_API rt_status rt_gpu_read(rt_gpu_buffer *buffer, size_t offset, void *to, siz
 #define RTI_TEXT_KD_RESTART     19
 #define RTI_TEXT_THREADED_BODY  20
 #define RTI_TEXT_WALK           21
-#define RTI_TEXT_TRACE          22
-#define RTI_TEXT_SCENE          23
-#define RTI_TEXT_SHADES         24
-#define RTI_TEXT_SHADING        25
-#define RTI_TEXT_SHADE          26
-#define RTI_TEXT_FRAME          27
-#define RTI_TEXT_STEPS          28
+#define RTI_TEXT_RAYS           22
+#define RTI_TEXT_TRACE          23
+#define RTI_TEXT_SCENE          24
+#define RTI_TEXT_COVER          25
+#define RTI_TEXT_SHADES         26
+#define RTI_TEXT_SHADING        27
+#define RTI_TEXT_SHADE          28
+#define RTI_TEXT_FRAME          29
+#define RTI_TEXT_STEPS          30
 
 #define RTI_TEXT RTI_TEXT_LAYOUT            /* as C */
 #include RT_GPU_KERNELS
@@ -1273,6 +1275,10 @@ static const char *const rti_gpu_texts[] = {
 #include RT_GPU_KERNELS
 #undef RTI_TEXT
     "", NULL,
+#define RTI_TEXT RTI_TEXT_RAYS
+#include RT_GPU_KERNELS
+#undef RTI_TEXT
+    "", NULL,
 #define RTI_TEXT RTI_TEXT_TRACE
 #include RT_GPU_KERNELS
 #undef RTI_TEXT
@@ -1280,6 +1286,10 @@ static const char *const rti_gpu_texts[] = {
 #undef RTI_PASS
 #ifndef RT_NO_SHADING
 #define RTI_TEXT RTI_TEXT_SCENE
+#include RT_GPU_KERNELS
+#undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_COVER
 #include RT_GPU_KERNELS
 #undef RTI_TEXT
     "", NULL,
@@ -1357,17 +1367,24 @@ typedef struct {
     uint32_t general;                       /* 1: algorithm stands for all of its structure and width, and entries for as many or fewer */
     uint32_t level_count;
     rti_gpu_level levels[RT_MAX_NESTING + 1];
-    uint32_t frame;                         /* 1: for the steps of pictures, not for rays; then: */
+    uint32_t kind;                          /* rti_gpu_kind_of_program; of RTI_GPU_FRAMES: */
     uint32_t shows;                         /* bits by rti_gpu_things */
     uint32_t sampler, filter, lens_open, timed, spread;
 } rti_gpu_key;
 
-enum { RTI_GPU_LOOK, RTI_GPU_MEET, RTI_GPU_AIM, RTI_GPU_SHINE, RTI_GPU_BOUNCE, RTI_GPU_STEPS };
+/* For batches of rays; for pictures; for eye rays that are rasterised. Each has these kernels. */
+typedef enum { RTI_GPU_BATCHES, RTI_GPU_FRAMES, RTI_GPU_COVERS } rti_gpu_kind_of_program;
+enum { RTI_GPU_LOOK, RTI_GPU_MEET, RTI_GPU_AIM, RTI_GPU_SHINE, RTI_GPU_BOUNCE, RTI_GPU_KERNEL_COUNT };
+static const char *const rti_gpu_kernel_names[][RTI_GPU_KERNEL_COUNT] = {
+    { "rt_gpu_trace", NULL, NULL, NULL, NULL },
+    { "rt_gpu_look", "rt_gpu_meet", "rt_gpu_aim", "rt_gpu_shine", "rt_gpu_bounce" },
+    { "rt_gpu_cover", "rt_gpu_find_slots", NULL, NULL, NULL }
+};
 
 struct rti_gpu_program {
     rti_gpu_program *next;
     rti_gpu_key key;
-    rti_cl program, kernels[RTI_GPU_STEPS]; /* of rays there is one */
+    rti_cl program, kernels[RTI_GPU_KERNEL_COUNT];
 };
 
 /* Names that stand in a program once a level. */
@@ -1386,7 +1403,7 @@ struct rti_gpu_program {
 #define RTI_GPU_SHADING_NUMBERS(X) X(RTI_GPU_SURFACE) X(RT_TEXTURE_IMAGE) X(RT_TEXTURE_CHECKER)
 #endif
 #endif
-#define RTI_GPU_NUMBERS(X) RTI_GPU_SHADING_NUMBERS(X) X(RT_ANY) X(RT_KDTREE) X(RT_KD_STACK) X(RT_KD_RESTART) X(RT_KD_BACKTRACK) \
+#define RTI_GPU_NUMBERS(X) RTI_GPU_SHADING_NUMBERS(X) X(RT_CLOSEST) X(RT_ANY) X(RT_KDTREE) X(RT_KD_STACK) X(RT_KD_RESTART) X(RT_KD_BACKTRACK) \
     X(RTI_TRIANGLE) X(RTI_SPHERE) X(RTI_INSTANCE) X(RTI_WALK_ANY) X(RTI_WALK_ALL) X(RTI_WALK_COUNT) X(RTI_WALK_LIKELY) \
     X(RTI_KIND_SHIFT) X(RTI_MIXED) X(RTI_KD_PAIR) X(RTI_SEEN)
 #define RTI_GPU_BITS(X) X(RT_NONE) X(RTI_END) X(RTI_COUNT_MASK) X(RTI_LEAF) X(RTI_KD_LOWER_EMPTY) X(RTI_KD_EMPTY) \
@@ -1555,7 +1572,7 @@ static void rti_gpu_write_program(rti_gpu_source *s, const rt_gpu *gpu, const rt
     rti_gpu_append_part(s, key->width == 1 ? RTI_TEXT_LANE : RTI_TEXT_LANES);
     rti_gpu_append_part(s, RTI_TEXT_EITHER);
 #ifndef RT_NO_SHADING
-    if (key->frame) {
+    if (key->kind == RTI_GPU_FRAMES) {
         rti_gpu_write_frame(s, key);
         return;
     }
@@ -1565,6 +1582,14 @@ static void rti_gpu_write_program(rti_gpu_source *s, const rt_gpu *gpu, const rt
     if (threaded) rti_gpu_append_part(s, RTI_TEXT_THREADED);
     if (key->algorithm == RT_BVH_WIDE) rti_gpu_append_part(s, RTI_TEXT_WIDE);
     for (i = key->level_count; i-- > 0;) rti_gpu_append_level(s, key, i);
+    rti_gpu_append_part(s, RTI_TEXT_RAYS);
+#ifndef RT_NO_SHADING
+    if (key->kind == RTI_GPU_COVERS) {
+        rti_gpu_append_part(s, RTI_TEXT_SCENE);
+        rti_gpu_append_part(s, RTI_TEXT_COVER);
+        return;
+    }
+#endif
     rti_gpu_append_part(s, RTI_TEXT_TRACE);
 }
 
@@ -1589,14 +1614,14 @@ static rt_status rti_gpu_refused(rt_gpu *gpu, rti_cl program, rti_cl_int code, r
 static void rti_gpu_release_program(rt_gpu *gpu, rti_gpu_program *program)
 {
     int i;
-    for (i = 0; i < RTI_GPU_STEPS; i++)
+    for (i = 0; i < RTI_GPU_KERNEL_COUNT; i++)
         if (program->kernels[i]) gpu->cl.ReleaseKernel(program->kernels[i]);
     if (program->program) gpu->cl.ReleaseProgram(program->program);
 }
 
 static rt_status rti_gpu_compile(rt_gpu *gpu, const rti_gpu_key *key, rti_gpu_program **out, rt_error *error)
 {
-    static const char *const steps[RTI_GPU_STEPS] = { "rt_gpu_look", "rt_gpu_meet", "rt_gpu_aim", "rt_gpu_shine", "rt_gpu_bounce" };
+    const char *const *const names = rti_gpu_kernel_names[key->kind];
     const char *const flags = gpu->info.exact ? "-cl-std=CL1.2 -cl-fp32-correctly-rounded-divide-sqrt " : "-cl-std=CL1.2 ";
     const size_t length = strlen(flags) + strlen(gpu->flags) + 1;
     rti_gpu_program *program = (rti_gpu_program *)rti_alloc(1, sizeof *program, gpu->memory_user);
@@ -1619,8 +1644,8 @@ static rt_status rti_gpu_compile(rt_gpu *gpu, const rti_gpu_key *key, rti_gpu_pr
         program->key = *key;
         program->program = gpu->cl.CreateProgramWithSource(gpu->context, 1, &text, &s.length, &code);
         if (program->program) code = gpu->cl.BuildProgram(program->program, 1, &gpu->device, all, NULL, NULL);
-        for (i = 0; i < (key->frame ? RTI_GPU_STEPS : 1) && program->program && code == RTI_CL_SUCCESS; i++)
-            program->kernels[i] = gpu->cl.CreateKernel(program->program, key->frame ? steps[i] : "rt_gpu_trace", &code);
+        for (i = 0; i < RTI_GPU_KERNEL_COUNT && names[i] && code == RTI_CL_SUCCESS; i++)
+            program->kernels[i] = gpu->cl.CreateKernel(program->program, names[i], &code);
         if (code != RTI_CL_SUCCESS) {
             status = rti_gpu_refused(gpu, program->program, code, error);
             rti_gpu_release_program(gpu, program);
@@ -2229,6 +2254,9 @@ static void rti_gpu_describe_scene(const rti_gpu_album *a, const rt_scene *scene
     there->lights = (uint32_t)(rti_gpu_where(a, scene->lights) / RTI_GPU_ALIGN);
     there->light_count = (uint32_t)scene->light_count;
     there->moves = rti_moves(scene->accel);
+    there->triangles = scene->geometry->triangle_count;
+    there->spheres = rti_sphere_count(scene->geometry);
+    there->instances = rti_instance_count(scene->geometry);
 }
 
 RT_API rt_status rt_gpu_upload_scene(rt_gpu *gpu, rt_gpu_scene **out, const rt_scene *scene, rt_error *error)
@@ -2290,13 +2318,93 @@ typedef struct {
     const rt_gpu_scene *scene;
     rti_gpu_frame frame;
     rti_gpu_program *steps;
-    rti_gpu_task closest, any;
+    rti_gpu_task closest, any, cover;
+    rti_gpu_object *raster;                 /* NULL: eye rays are traced */
     rti_cl buffers[3];                      /* rays, hits, times */
     int spp;
     rt_ray_counts counts;
     rti_gpu_pixel *pixels;                  /* of a tile, as read back */
     rt_error *error;
 } rti_gpu_picture;
+
+typedef struct { size_t size; const void *value; } rti_gpu_argument;
+
+static rt_status rti_gpu_run(const rt_gpu *gpu, rti_cl kernel, const rti_gpu_argument *arguments, size_t count, size_t items, rt_error *error)
+{
+    const size_t local = 64, global = (items + local - 1) / local * local;
+    rti_cl_int code = RTI_CL_SUCCESS;
+    size_t i;
+    for (i = 0; i < count && code == RTI_CL_SUCCESS; i++)
+        code = gpu->cl.SetKernelArg(kernel, (rti_cl_uint)i, arguments[i].size, arguments[i].value);
+    if (code == RTI_CL_SUCCESS) code = gpu->cl.EnqueueNDRangeKernel(gpu->queue, kernel, 1, NULL, &global, &local, 0, NULL, NULL);
+    return code == RTI_CL_SUCCESS ? RT_OK : rti_cl_fail(error, code, "rendering");
+}
+
+static bool rti_gpu_raster_fits(const rt_raster *r, const rt_gpu_scene *scene, const rt_render_options *opt)
+{
+    rt_geometry geo;
+    memset(&geo, 0, sizeof geo);
+    geo.triangle_count = scene->triangles;
+#if RTI_SPHERES
+    geo.sphere_count = scene->spheres;
+#endif
+#if RTI_INSTANCES
+    geo.instance_count = scene->instances;
+#endif
+    return rti_raster_fits(r, &geo, &scene->camera, opt->width, opt->height);
+}
+
+/* Copies what tiles list, and has the device find where that is in the accel. */
+static rt_status rti_gpu_copy_raster(rti_gpu_picture *p, const rt_raster *raster)
+{
+    const rt_gpu *gpu = p->gpu;
+    const rt_gpu_scene *scene = p->scene;
+    const size_t prims = scene->triangles + scene->spheres + scene->instances, tiles = raster->info.tiles;
+    const size_t bytes[5] = { sizeof(rti_gpu_raster), prims * sizeof(rti_span), (tiles + 1) * sizeof(uint32_t),
+                              raster->info.entries * sizeof(uint32_t), prims * sizeof(uint32_t) };
+    rti_gpu_raster head;
+    const void *from[5];
+    uint32_t *none = (uint32_t *)rti_alloc(prims ? prims : 1, sizeof *none, gpu->memory_user);
+    size_t at[5], units = 0, i;
+    rti_cl_int code = RTI_CL_SUCCESS;
+    rt_status status = RT_OK;
+    if (!none) return rti_fail(p->error, RT_ERROR_MEMORY, RT_NONE, "no memory to copy a raster");
+    memset(none, 0xff, prims * sizeof *none);       /* RT_NONE */
+    from[0] = &head;
+    from[1] = raster->spans;
+    from[2] = raster->starts;
+    from[3] = raster->entries;
+    from[4] = none;
+    for (i = 0; i < 5; i++) {
+        at[i] = units;
+        units += (bytes[i] + RTI_GPU_ALIGN - 1) / RTI_GPU_ALIGN;
+    }
+    memset(&head, 0, sizeof head);
+    head.level_count = (uint32_t)raster->level_count;
+    for (i = 0; i < head.level_count; i++) {
+        head.shifts[i] = (uint32_t)raster->levels[i].shift;
+        head.columns[i] = (uint32_t)raster->levels[i].columns;
+        head.firsts[i] = raster->levels[i].first;
+    }
+    head.triangle_count = (uint32_t)scene->triangles;
+    head.solid_count = (uint32_t)(scene->triangles + scene->spheres);
+    head.spans = (uint32_t)at[1];
+    head.starts = (uint32_t)at[2];
+    head.entries = (uint32_t)at[3];
+    head.slots = (uint32_t)at[4];
+    status = rti_gpu_make(p->gpu, sizeof *p->raster, units * RTI_GPU_ALIGN, RTI_CL_READ_WRITE, &p->raster, "a raster", p->error);
+    for (i = 0; i < 5 && status == RT_OK; i++) {
+        if (!bytes[i]) continue;
+        code = gpu->cl.EnqueueWriteBuffer(gpu->queue, p->raster->mem, 1, at[i] * RTI_GPU_ALIGN, bytes[i], from[i], 0, NULL, NULL);
+        if (code != RTI_CL_SUCCESS) status = rti_cl_fail(p->error, code, "copying a raster");
+    }
+    rti_release(none, gpu->memory_user);
+    if (status == RT_OK && prims) {
+        const rti_gpu_argument arguments[] = { { sizeof(rti_cl), &scene->accel->object.mem }, { sizeof(rti_cl), &p->raster->mem } };
+        status = rti_gpu_run(gpu, p->cover.program->kernels[1], arguments, 2, prims, p->error);
+    }
+    return status;
+}
 
 /* Sets what holds for all tiles and samples, and finds the programs. */
 static rt_status rti_gpu_begin(rti_gpu_picture *p, const rt_gpu_scene *scene, const rt_render_options *opt)
@@ -2335,7 +2443,7 @@ static rt_status rti_gpu_begin(rti_gpu_picture *p, const rt_gpu_scene *scene, co
     f->spread = film.spread;
 #endif
     memset(&key, 0, sizeof key);
-    key.frame = 1;
+    key.kind = RTI_GPU_FRAMES;
     key.width = 1;
     key.shows = scene->shows;
     if (p->gpu->general) {
@@ -2350,6 +2458,14 @@ static rt_status rti_gpu_begin(rti_gpu_picture *p, const rt_gpu_scene *scene, co
     }
     trace.query = RT_CLOSEST;
     if ((status = rti_gpu_choose_program(p->gpu, scene->accel, &trace, &p->closest)) != RT_OK) return status;
+    if (opt->raster) {                      /* below instances the algorithm is the same, in packets where that serves a CPU */
+        rti_gpu_key cover = p->closest.program->key;
+        cover.kind = RTI_GPU_COVERS;
+        cover.levels[0].structures = 0;
+        p->cover = p->closest;
+        if ((status = rti_gpu_find_program(p->gpu, &cover, &p->cover.program, p->error)) != RT_OK) return status;
+        if ((status = rti_gpu_copy_raster(p, opt->raster)) != RT_OK) return status;
+    }
     trace.query = RT_ANY;
     if ((status = rti_gpu_choose_program(p->gpu, scene->accel, &trace, &p->any)) != RT_OK) return status;
     return rti_gpu_find_program(p->gpu, &key, &p->steps, opt->trace.error);
@@ -2393,22 +2509,28 @@ static rt_status rti_gpu_make_room(rti_gpu_picture *p, size_t pixels)
 }
 
 /* A step for count rays. turn: which paths are theirs; number: of a light. */
-static rt_status rti_gpu_step(rti_gpu_picture *p, int step, uint32_t count, uint32_t turn, uint32_t number)
+static rt_status rti_gpu_step(const rti_gpu_picture *p, int step, uint32_t count, uint32_t turn, uint32_t number)
 {
-    const rt_gpu *gpu = p->gpu;
-    const rti_cl kernel = p->steps->kernels[step], work = gpu->work->object.mem, times = gpu->times->object.mem;
-    const size_t local = 64, global = (count + local - 1) / local * local;
-    const struct { size_t size; const void *value; } arguments[] = {
+    const rti_cl work = p->gpu->work->object.mem, times = p->gpu->times->object.mem;
+    const rti_gpu_argument arguments[] = {
         { sizeof(rti_cl), &p->scene->object.mem }, { sizeof(rti_cl), &p->scene->accel->object.mem }, { sizeof p->frame, &p->frame },
         { sizeof(rti_cl), &work }, { sizeof(rti_cl), &p->buffers[0] }, { sizeof(rti_cl), &p->buffers[1] }, { sizeof(rti_cl), &times },
         { sizeof count, &count }, { sizeof turn, &turn }, { sizeof number, &number }
     };
-    rti_cl_int code = RTI_CL_SUCCESS;
-    rti_cl_uint i;
-    for (i = 0; i < sizeof arguments / sizeof arguments[0] && code == RTI_CL_SUCCESS; i++)
-        code = gpu->cl.SetKernelArg(kernel, i, arguments[i].size, arguments[i].value);
-    if (code == RTI_CL_SUCCESS) code = gpu->cl.EnqueueNDRangeKernel(gpu->queue, kernel, 1, NULL, &global, &local, 0, NULL, NULL);
-    return code == RTI_CL_SUCCESS ? RT_OK : rti_cl_fail(p->error, code, "rendering");
+    return rti_gpu_run(p->gpu, p->steps->kernels[step], arguments, sizeof arguments / sizeof arguments[0], count, p->error);
+}
+
+/* The eye rays of a sample: what the tiles list is tested. */
+static rt_status rti_gpu_cover(const rti_gpu_picture *p)
+{
+    const rti_gpu_task *task = &p->cover;
+    const rti_gpu_argument arguments[] = {
+        { sizeof(rti_cl), &p->scene->accel->object.mem }, { sizeof(rti_cl), &p->buffers[0] }, { sizeof(rti_cl), &p->buffers[1] },
+        { sizeof(rti_cl), &p->raster->mem }, { sizeof p->frame, &p->frame }, { sizeof task->algorithm, &task->algorithm },
+        { sizeof task->entries, &task->entries }
+    };
+    const size_t packets = ((size_t)p->frame.width * p->frame.height + task->program->key.width - 1) / task->program->key.width;
+    return rti_gpu_run(p->gpu, task->program->kernels[0], arguments, sizeof arguments / sizeof arguments[0], packets, p->error);
 }
 
 /* What lights make of the surfaces that count rays have met. */
@@ -2429,13 +2551,16 @@ static rt_status rti_gpu_render_sample(rti_gpu_picture *p, int sample)
 {
     rti_gpu_frame *f = &p->frame;
     uint32_t count = f->width * f->height, turn = 0;
+    bool eye = true;
     rt_status status;
     rti_subpixel(sample, p->spp, &f->dx, &f->dy);
     f->sample = (uint32_t)sample;
     p->counts.primary += count;
     status = rti_gpu_step(p, RTI_GPU_LOOK, count, turn, 0);
     while (count && status == RT_OK) {
-        status = rti_gpu_launch(p->gpu, &p->closest, p->scene->accel, p->buffers, 0, count, NULL, p->error);
+        status = eye && p->raster ? rti_gpu_cover(p)
+                                  : rti_gpu_launch(p->gpu, &p->closest, p->scene->accel, p->buffers, 0, count, NULL, p->error);
+        eye = false;
         if (status == RT_OK) status = rti_gpu_step(p, RTI_GPU_MEET, count, turn, 0);
         if (status == RT_OK) status = rti_gpu_light_up(p, count, turn);
         if (status != RT_OK || !f->depth) break;
@@ -2482,14 +2607,18 @@ RT_API rt_status rt_gpu_render_tile(rt_gpu *gpu, const rt_gpu_scene *scene, cons
     if (scene->object.gpu != gpu) return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "scene belongs to another context");
     if ((status = rti_check_tile(opt, tile)) != RT_OK) return status;
     if ((status = rti_check_camera(&scene->camera, opt->trace.error)) != RT_OK) return status;
-    if (opt->raster) return rti_fail(opt->trace.error, RT_ERROR_UNSUPPORTED, RT_NONE, "no rasters yet");
+    if (opt->raster && !rti_gpu_raster_fits(opt->raster, scene, opt))
+        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE,
+                        "raster was made for another picture: geometry, camera, width and height must be the scene's");
     memset(&p, 0, sizeof p);
     p.gpu = gpu;
     p.scene = scene;
     p.spp = opt->spp ? opt->spp : 1;
     p.error = opt->trace.error;
-    if ((status = rti_gpu_begin(&p, scene, opt)) != RT_OK || x0 == x1 || y0 == y1) return status;
-    status = rti_gpu_make_room(&p, (size_t)(x1 - x0) * (size_t)(y1 - y0));
+    if (x0 == x1 || y0 == y1) return RT_OK;
+    status = rti_gpu_begin(&p, scene, opt);
+    if (status == RT_OK) status = rti_gpu_make_room(&p, (size_t)(x1 - x0) * (size_t)(y1 - y0));
+    if (status != RT_OK) p.frame.space = 1;
     columns = (uint32_t)(x1 - x0) < p.frame.space ? x1 - x0 : (int)p.frame.space;
     rows = (int)(p.frame.space / (uint32_t)columns);
     for (box[1] = y0; box[1] < y1 && status == RT_OK; box[1] = box[3])
@@ -2498,6 +2627,7 @@ RT_API rt_status rt_gpu_render_tile(rt_gpu *gpu, const rt_gpu_scene *scene, cons
             status = rti_gpu_render_part(&p, box, opt->width, pixels);
         }
     rti_release(p.pixels, gpu->memory_user);
+    if (p.raster) rti_gpu_drop(p.raster);
     if (rays && status == RT_OK) {
         rays->primary += p.counts.primary;
         rays->shadow += p.counts.shadow;

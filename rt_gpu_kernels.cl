@@ -165,6 +165,21 @@ RTI_FN const RTI_GLOBAL float *rti_corners(const rt_accel *accel, uint32_t slot,
 RTI_FN rti_ball rti_ball_at(const rt_accel *accel, uint32_t slot) { return accel->balls[slot]; }
 )
 
+/* Pixel i of a tile: in blocks of 8 x 8, and within those in Morton order, so that rays beside each other are neighbours. */
+RTI_SHARED(
+RTI_FN uint32_t rti_place_of(uint32_t i, uint32_t width, uint32_t height)
+{
+    const uint32_t band = i / (8 * width), rest = i - band * 8 * width, rows = min(8u, height - 8 * band), column = rest / (8 * rows);
+    const uint32_t at = rest - column * 8 * rows, columns = min(8u, width - 8 * column);
+    uint32_t x = at % columns, y = at / columns;
+    if (columns == 8 && rows == 8) {
+        x = (at & 1) | (at >> 1 & 2) | (at >> 2 & 4);
+        y = (at >> 1 & 1) | (at >> 2 & 2) | (at >> 3 & 4);
+    }
+    return (8 * band + y) * width + 8 * column + x;
+}
+)
+
 /* Bit i: the sign of element i. */
 RTI_SHARED(RTI_FN unsigned rti_signs2(int2 a) { return (uint)a.x >> 31 | (uint)a.y >> 31 << 1; })
 "#if defined(__SSE__) && defined(__clang__)\n"
@@ -482,9 +497,9 @@ RTI_CALL unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, 
 
 #endif
 
-/* ---- trace: the kernel of batches of rays --------------------------------------------------------------------------- */
+/* ---- rays: to a packet and back ------------------------------------------------------------------------------------- */
 
-#if RTI_IN(TRACE)
+#if RTI_IN(RAYS)
 
 RTI_SHARED(
 RTI_FN unsigned rti_take_rays(const rt_accel *accel, const RTI_GLOBAL rt_ray *rays, const RTI_GLOBAL float *times, size_t first, size_t last,
@@ -524,7 +539,15 @@ RTI_FN void rti_give_hits(const rti_packet *p, unsigned found, RTI_GLOBAL rt_hit
         hits[first + (size_t)i] = h;
     }
 }
+)
 
+#endif
+
+/* ---- trace: the kernel of batches of rays --------------------------------------------------------------------------- */
+
+#if RTI_IN(TRACE)
+
+RTI_SHARED(
 RTI_CALL void rti_trace_packet(const RTI_GLOBAL char *arena, const RTI_GLOBAL rt_ray *rays, RTI_GLOBAL rt_hit *hits,
                                const RTI_GLOBAL float *times, size_t first, size_t last, rt_algorithm algorithm, int entries)
 {
@@ -591,7 +614,109 @@ typedef struct {
 } rti_gpu_frame;
 typedef struct { rt_vec3 sum; uint32_t waiting, shadow, reflect, refract; } rti_gpu_pixel;              /* rays that wait; and were sent */
 typedef struct { rt_vec3 weight; uint32_t pixel, medium, level, branch; float width, time; } rti_gpu_path;     /* rti_path; medium as lights */
+typedef struct { float lo[2], hi[2], depth; } rti_gpu_span;
+typedef struct {                            /* rt_raster: see rti_span and rti_level of rt.h; arrays as those of an accel */
+    uint32_t level_count, shifts[17], columns[17], firsts[17], triangle_count, solid_count, spans, starts, entries, slots;
+} rti_gpu_raster;
 typedef char rti_check_frame[sizeof(rti_gpu_frame) == 188 && sizeof(rti_gpu_pixel) == 28 && sizeof(rti_gpu_path) == 36 ? 1 : -1];
+)
+
+#endif
+
+/* ---- cover: eye rays without a tree, [Horn] 4 ----------------------------------------------------------------------- */
+
+#if RTI_IN(COVER)
+
+/* Where the primitives that tiles list are in the arrays of the accel. */
+RTI_SHARED(
+__kernel void rt_gpu_find_slots(__global const char *arena, __global char *raster)
+{
+    const RTI_GLOBAL rti_gpu_raster *const r = (const RTI_GLOBAL rti_gpu_raster *)raster;
+    RTI_GLOBAL uint32_t *const slots = (RTI_GLOBAL uint32_t *)(raster + (size_t)r->slots * RTI_GPU_ALIGN);
+    uint32_t i = (uint32_t)get_global_id(0);
+    rt_accel accel;
+    rti_open(&accel, arena, 0);
+    if (i < accel.slots[RTI_TRIANGLE]) slots[accel.triangles[i].prim] = i;
+    if (i < accel.slots[RTI_SPHERE]) slots[accel.balls[i].prim] = i;
+)
+#if RTI_INSTANCES
+RTI_SHARED(
+    if (i < accel.slots[RTI_INSTANCE]) slots[accel.instances[i].prim] = i;
+)
+#endif
+RTI_SHARED(
+}
+)
+
+/* What of the raster's tiles may cover one packet of eye rays, whose samples lie in box: x0, y0, x1, y1. */
+RTI_SHARED(
+RTI_FN unsigned rti_cover_packet(const rt_accel *accel, const RTI_GLOBAL char *raster, const float box[4], rti_packet *p, unsigned live,
+                                 const rti_job *job)
+{
+    const RTI_GLOBAL rti_gpu_raster *const r = (const RTI_GLOBAL rti_gpu_raster *)raster;
+    const RTI_GLOBAL rti_gpu_span *const spans = (const RTI_GLOBAL rti_gpu_span *)(raster + (size_t)r->spans * RTI_GPU_ALIGN);
+    const RTI_GLOBAL uint32_t *const starts = (const RTI_GLOBAL uint32_t *)(raster + (size_t)r->starts * RTI_GPU_ALIGN);
+    const RTI_GLOBAL uint32_t *const entries = (const RTI_GLOBAL uint32_t *)(raster + (size_t)r->entries * RTI_GPU_ALIGN);
+    const RTI_GLOBAL uint32_t *const slots = (const RTI_GLOBAL uint32_t *)(raster + (size_t)r->slots * RTI_GPU_ALIGN);
+    float farthest = RTI_INFINITY;
+    unsigned found = 0;
+    uint32_t level;
+    uint32_t x;
+    uint32_t y;
+    uint32_t at;
+    int i;
+    if (RTI_HAS_PLANES && accel->plane_count) found = rti_hit_planes(accel, p, live, RT_NONE, job);
+    for (level = 0; level < r->level_count; level++)
+        for (y = (uint32_t)box[1] >> r->shifts[level]; y <= (uint32_t)box[3] >> r->shifts[level]; y++)
+            for (x = (uint32_t)box[0] >> r->shifts[level]; x <= (uint32_t)box[2] >> r->shifts[level]; x++) {
+                const uint32_t tile = r->firsts[level] + y * r->columns[level] + x;
+                for (at = starts[tile]; at < starts[tile + 1]; at++) {
+                    const uint32_t prim = entries[at];
+                    const uint32_t kind = prim < r->triangle_count ? RTI_TRIANGLE : prim < r->solid_count ? RTI_SPHERE : RTI_INSTANCE;
+                    const rti_gpu_span span = spans[prim];
+                    unsigned hit;
+                    if (span.lo[0] > box[2] || span.hi[0] < box[0] || span.lo[1] > box[3] || span.hi[1] < box[1]) continue;
+                    if (span.depth > farthest || slots[prim] == RT_NONE) continue;
+                    hit = rti_hit_leaf(accel, p, live, 0, slots[prim], kind << RTI_KIND_SHIFT | 1, RT_NONE, RTI_WALK_FLAGS, job);
+                    if (!hit) continue;
+                    found |= hit;
+                    farthest = p->t[0];
+                    for (i = 1; i < RTI_WIDTH; i++) farthest = p->t[i] > farthest ? p->t[i] : farthest;
+                }
+            }
+    return found;
+}
+)
+
+/* Work-item i: the eye rays from i * RTI_WIDTH on, of a tile of the picture. */
+RTI_SHARED(
+__kernel void rt_gpu_cover(__global const char *arena, __global const rt_ray *rays, __global rt_hit *hits, __global const char *raster,
+                           rti_gpu_frame frame, int algorithm, int entries)
+{
+    const size_t first = get_global_id(0) * RTI_WIDTH;
+    const size_t count = frame.width * frame.height;
+    float box[4] = { RTI_INFINITY, RTI_INFINITY, 0, 0 };
+    rt_accel accel;
+    rti_packet p;
+    rti_job job;
+    unsigned live;
+    int i;
+    if (first >= count) return;
+    for (i = 0; i < RTI_WIDTH; i++) {
+        const uint32_t place = rti_place_of((uint32_t)min(first + i, count - 1), frame.width, frame.height);
+        const float x = (float)(frame.left + place % frame.width) + frame.dx, y = (float)(frame.top + place / frame.width) + frame.dy;
+        box[0] = x < box[0] ? x : box[0];
+        box[1] = y < box[1] ? y : box[1];
+        box[2] = x > box[2] ? x : box[2];
+        box[3] = y > box[3] ? y : box[3];
+    }
+    rti_open(&accel, arena, 0);
+    job.query = RT_CLOSEST;
+    job.algorithm = RTI_ALGORITHM;
+    job.entries = RTI_ENTRIES;
+    live = rti_prepare(&accel, &p, rti_take_rays(&accel, rays, 0, first, count, &p), false);
+    rti_give_hits(&p, rti_cover_packet(&accel, raster, box, &p, live, &job), hits, first, count);
+}
 )
 
 #endif
@@ -722,21 +847,6 @@ RTI_SHARED(
 #endif
 RTI_SHARED(
     return world;
-}
-)
-
-/* Pixel i of a tile: in blocks of 8 x 8, and within those in Morton order, so that rays beside each other are neighbours. */
-RTI_SHARED(
-RTI_FN uint32_t rti_place_of(uint32_t i, uint32_t width, uint32_t height)
-{
-    const uint32_t band = i / (8 * width), rest = i - band * 8 * width, rows = min(8u, height - 8 * band), column = rest / (8 * rows);
-    const uint32_t at = rest - column * 8 * rows, columns = min(8u, width - 8 * column);
-    uint32_t x = at % columns, y = at / columns;
-    if (columns == 8 && rows == 8) {
-        x = (at & 1) | (at >> 1 & 2) | (at >> 2 & 4);
-        y = (at >> 1 & 1) | (at >> 2 & 2) | (at >> 3 & 4);
-    }
-    return (8 * band + y) * width + 8 * column + x;
 }
 )
 
