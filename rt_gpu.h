@@ -176,7 +176,9 @@ RT_API void rt_gpu_set_camera(rt_gpu_scene *scene, const rt_camera *camera);
 RT_API size_t rt_gpu_scene_bytes(const rt_gpu_scene *scene);
 
 /* As rt_render_tile, and the same picture, bit for bit. Rays are traced by any algorithm that rt_gpu_trace has, all of a sample's at once: so
-   large tiles are the fastest, the whole picture at best; it is cut up to fit the device. Of opt, trace is as for rt_gpu_trace. */
+   large tiles are the fastest, the whole picture at best; it is cut up to fit the device. Of opt, trace is as for rt_gpu_trace; raster is
+   copied by each call. A tile without pixels compiles what others like it need, and no more. If the device fails on the way, pixels holds some
+   of the picture. */
 RT_API rt_status rt_gpu_render_tile(rt_gpu *gpu, const rt_gpu_scene *scene, const rt_render_options *opt, int x0, int y0, int x1, int y1,
                                     rt_vec3 *pixels, rt_ray_counts *rays);
 
@@ -2615,9 +2617,8 @@ RT_API rt_status rt_gpu_render_tile(rt_gpu *gpu, const rt_gpu_scene *scene, cons
     p.scene = scene;
     p.spp = opt->spp ? opt->spp : 1;
     p.error = opt->trace.error;
-    if (x0 == x1 || y0 == y1) return RT_OK;
     status = rti_gpu_begin(&p, scene, opt);
-    if (status == RT_OK) status = rti_gpu_make_room(&p, (size_t)(x1 - x0) * (size_t)(y1 - y0));
+    if (status == RT_OK && x0 < x1 && y0 < y1) status = rti_gpu_make_room(&p, (size_t)(x1 - x0) * (size_t)(y1 - y0));
     if (status != RT_OK) p.frame.space = 1;
     columns = (uint32_t)(x1 - x0) < p.frame.space ? x1 - x0 : (int)p.frame.space;
     rows = (int)(p.frame.space / (uint32_t)columns);

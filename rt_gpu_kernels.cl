@@ -744,7 +744,6 @@ __kernel void rt_gpu_cover(__global const char *arena, __global const rt_ray *ra
 "#define rt_material rti_gpu_material\n"
 "#define rt_light rti_gpu_light\n"
 "#define rti_part rti_gpu_shape\n"
-"#define rti_part_of(part, number) ((const __global rti_part *)((const __global char *)(RTI_FOLLOW(int64_t, part, parts) + (number)) + RTI_FOLLOW(int64_t, part, parts)[number]))\n"
 "#define rti_shape_of(p) ((rti_shape){ .vertices = RTI_FOLLOW(float, p, vertices), .stride = (p)->stride, "
     ".indices = RTI_FOLLOW(uint32_t, p, indices), .normals = RTI_FOLLOW(rt_vec3, p, normals), "
     ".normal_indices = RTI_FOLLOW(uint32_t, p, normal_indices), .colors = RTI_FOLLOW(rt_vec3, p, colors), "
@@ -776,6 +775,12 @@ typedef int rt_filter;
 typedef struct { rt_sampler_kind kind; uint32_t spp, seed, frame; } rt_sampler;
 typedef struct { rt_vec3 center; float radius; } rt_sphere;
 typedef struct { rt_vec3 point, normal; float radius; } rt_plane;
+
+RTI_FN const RTI_GLOBAL rti_part *rti_part_of(const RTI_GLOBAL rti_part *part, uint32_t number)
+{
+    const RTI_GLOBAL int64_t *distance = RTI_FOLLOW(int64_t, part, parts) + number;
+    return (const RTI_GLOBAL rti_part *)((const RTI_GLOBAL char *)distance + *distance);
+}
 )
 
 #endif

@@ -1,5 +1,5 @@
 /* animate.c - a moving scene to numbered PPM pictures: transforms, lens, soft shadows, gloss, motion blur, bumps.    animate --help tells all.
-   cc -O2 animate.c -o animate -lm -lpthread
+   cc -O2 animate.c -o animate -lm -lpthread -ldl
 
    >>options  >>scene  >>motion  >>frames  >>main                                       SPDX-License-Identifier: MIT OR Unlicense */
 
@@ -12,6 +12,8 @@ static void *count_malloc(size_t size) { __atomic_fetch_add(&allocations, 1, __A
 #define RT_FREE(pointer, user) ((void)(user), free(pointer))
 #define RT_IMPLEMENTATION
 #include "../rt.h"
+#define RT_GPU_IMPLEMENTATION
+#include "../rt_gpu.h"
 #include "pool.h"
 #include "scene.h"
 
@@ -58,6 +60,8 @@ typedef struct {
     int frames, first, width, height, spp, depth, threads, crowd, packet;
     float fps;
     bool effects[EFFECTS], quiet, help;
+    bool gpu;                               /* draw on an OpenCL device, */
+    const char *device;                     /* of that name; NULL: see rt_gpu_options */
     rt_structure structure;
     const rt_algorithm_info *algorithm;
     rt_sampler_kind sampler;
@@ -98,6 +102,8 @@ static bool set_depth(options *o, const char *text)   { return read_int(text, '\
 static bool set_threads(options *o, const char *text) { return read_int(text, '\0', 1, 1024, &o->threads, NULL); }
 static bool set_crowd(options *o, const char *text)   { return read_int(text, '\0', 0, MAX_CROWD, &o->crowd, NULL); }
 static bool set_packet(options *o, const char *text)  { return read_int(text, '\0', 0, INT_MAX, &o->packet, NULL); }
+static bool set_gpu(options *o, const char *text)     { (void)text; return o->gpu = true; }
+static bool set_device(options *o, const char *text)  { o->device = text; return o->gpu = text[0]; }
 static bool set_quiet(options *o, const char *text)   { (void)text; return o->quiet = true; }
 static bool set_help(options *o, const char *text)    { (void)text; return o->help = true; }
 
@@ -183,6 +189,9 @@ static const struct {
     { "--algorithm", "NAME",   set_algorithm, "how to trace (default auto)",                        "an algorithm's name: see render --help" },
     { "--packet",    "N",      set_packet,    "packet width (default 0: the algorithm's own)",      "0 or a width, see render --help" },
     { "--threads",   "N",      set_threads,   "worker threads (default: all processors)",           "1 to 1024" },
+    { "--gpu",       NULL,     set_gpu,       "draw on an OpenCL device: the same pictures",        NULL },
+    { "--device",    "NAME",   set_device,    "the same on that one (default: RT_GPU_DEVICE, else the first GPU, else any)",
+      "gpu, cpu, a number or part of a name: build/bench --devices lists them" },
     { "--quiet",     NULL,     set_quiet,     "print nothing but errors",                           NULL },
     { "--help",      NULL,     set_help,      "print this text",                                    NULL },
 };
@@ -471,15 +480,23 @@ static bool check_output(const options *o)
     return true;
 }
 
-static bool animate(const options *o, show *s, pool *threads, rt_vec3 *pixels, double *update, double *trace)
+/* gpu NULL: on the CPU. */
+static bool animate(const options *o, show *s, pool *threads, rt_gpu *gpu, rt_vec3 *pixels, double *update, double *trace)
 {
     const double begin = seconds_now();
     const size_t before = allocations;
     size_t tiles;
     rt_error error = {0};
     drawing d = {0};
+    rt_gpu_scene *there = NULL;
+    rt_gpu_info device;
+    char where[160];
     int i;
 
+    if (gpu) {
+        rt_gpu_get_info(gpu, &device);
+        snprintf(where, sizeof where, "%s", device.name);
+    } else snprintf(where, sizeof where, "%d threads", pool_threads(threads));
     if (!check_output(o) || !show_build(s, o, threads)) return false;
     if (!o->quiet)
         printf("scene     %zu primitives of %zu instances, as many as %zu without them; built with %zu allocations\n",
@@ -494,8 +511,8 @@ static bool animate(const options *o, show *s, pool *threads, rt_vec3 *pixels, d
     d.how.trace.algorithm = o->algorithm->algorithm;
     d.how.trace.packet_width = o->packet;
     d.how.trace.error = &error;
-    if (rt_trace(s->world_accel, &d.how.trace, NULL, 0, NULL) != RT_OK) return fail("%s", error.message);
-    d.how.trace.error = NULL;
+    if (!gpu && rt_trace(s->world_accel, &d.how.trace, NULL, 0, NULL) != RT_OK) return fail("%s", error.message);
+    if (!gpu) d.how.trace.error = NULL;     /* threads would share it */
     if (o->effects[LENS]) d.how.lens.radius = 0.09f;
     if (o->effects[BLUR]) d.how.lens.close = 0.5f;          /* half of a frame, as cameras have it */
     d.pixels = pixels;
@@ -509,12 +526,18 @@ static bool animate(const options *o, show *s, pool *threads, rt_vec3 *pixels, d
         draw_progress(i, o->frames, start - begin);
         show_move(s, o, o->first + i);
         if (!show_update(s, o, threads)) return false;
+        if (gpu) {
+            rt_gpu_free_scene(there);
+            if (rt_gpu_upload_scene(gpu, &there, &s->view, &error) != RT_OK) return fail("--gpu: %s", error.message);
+        }
         update[i] = 1e3 * (seconds_now() - start);
         taken = allocations - taken;
         d.view = &s->view;
         d.how.frame = (uint32_t)(o->first + i);
         start = seconds_now();
-        pool_for(threads, tiles, draw_tile, &d);
+        if (!gpu) pool_for(threads, tiles, draw_tile, &d);
+        else if (rt_gpu_render_tile(gpu, there, &d.how, 0, 0, o->width, o->height, pixels, NULL) != RT_OK)
+            return fail("--gpu: %s", error.message);
         trace[i] = 1e3 * (seconds_now() - start);
         if (d.failed) return fail("frame %d cannot be drawn", o->first + i);
         snprintf(path, sizeof path, "%s%04d.ppm", o->prefix, o->first + i);
@@ -524,9 +547,9 @@ static bool animate(const options *o, show *s, pool *threads, rt_vec3 *pixels, d
     }
     draw_progress(o->frames, o->frames, 1);
     if (!o->quiet)
-        printf("median    update %.3f ms, trace %.1f ms a frame of %dx%d with %d samples, %s on %d threads\npictures  %s%04d.ppm ...\n",
-               median(update, o->frames), median(trace, o->frames), o->width, o->height, o->spp, o->algorithm->name, pool_threads(threads),
-               o->prefix, o->first);
+        printf("median    update %.3f ms, trace %.1f ms a frame of %dx%d with %d samples, %s on %s\npictures  %s%04d.ppm ...\n",
+               median(update, o->frames), median(trace, o->frames), o->width, o->height, o->spp, o->algorithm->name, where, o->prefix,
+               o->first);
     return true;
 }
 
@@ -539,6 +562,9 @@ int main(int argc, char **argv)
     pool *threads;
     rt_vec3 *pixels;
     double *update, *trace;
+    rt_gpu *gpu = NULL;
+    rt_gpu_options choice = {0};
+    rt_error error = {0};
     bool done = false;
 
     o.prefix = "out/animate";
@@ -555,13 +581,17 @@ int main(int argc, char **argv)
         print_help();
         return EXIT_SUCCESS;
     }
+    choice.device = o.device;
+    choice.error = &error;
     threads = pool_create(o.threads);
     pixels = calloc((size_t)o.width * (size_t)o.height, sizeof *pixels);
     update = calloc((size_t)o.frames, sizeof *update);
     trace = calloc((size_t)o.frames, sizeof *trace);
     if (!threads) fail("cannot start the threads: choose a smaller --threads");
     else if (!pixels || !update || !trace) fail("out of memory");
-    else done = show_make(&s, &o) && animate(&o, &s, threads, pixels, update, trace);
+    else if (o.gpu && rt_gpu_open(&gpu, &choice) != RT_OK) fail("--gpu: %s", error.message);
+    else done = show_make(&s, &o) && animate(&o, &s, threads, gpu, pixels, update, trace);
+    rt_gpu_close(gpu);
     show_free(&s);
     pool_destroy(threads);
     free(pixels);

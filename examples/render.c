@@ -1,11 +1,13 @@
 /* render.c - renders a scene to a PPM picture: the main program of rt.h.    render --help tells all.
-   cc -O2 render.c -o render -lm -lpthread
+   cc -O2 render.c -o render -lm -lpthread -ldl
 
    >>options  >>output  >>progress  >>frame  >>summary  >>main                          SPDX-License-Identifier: MIT OR Unlicense */
 
 #define _POSIX_C_SOURCE 200809L
 #define RT_IMPLEMENTATION
 #include "../rt.h"
+#define RT_GPU_IMPLEMENTATION
+#include "../rt_gpu.h"
 #include "pool.h"
 #include "scene.h"
 
@@ -77,6 +79,8 @@ typedef struct {
     float roughness;                        /* of all that mirrors or refracts; negative: as the scene has it */
     rt_bounds bounds;                       /* of threaded trees */
     int branching;
+    bool gpu;                               /* render on an OpenCL device, */
+    const char *device;                     /* of that name; NULL: see rt_gpu_options */
     bool quiet, help;
 } options;
 
@@ -197,6 +201,8 @@ static bool read_uint(const char *text, uint32_t *value)
 
 static bool set_frame(options *o, const char *text)   { return read_uint(text, &o->frame); }
 static bool set_seed(options *o, const char *text)    { return read_uint(text, &o->seed); }
+static bool set_gpu(options *o, const char *text)     { (void)text; o->gpu = true; return true; }
+static bool set_device(options *o, const char *text)  { o->gpu = true; o->device = text; return text[0] != '\0'; }
 static bool set_quiet(options *o, const char *text)   { (void)text; o->quiet = true; return true; }
 static bool set_help(options *o, const char *text)    { (void)text; o->help = true; return true; }
 
@@ -287,13 +293,16 @@ static const struct {
     { "--bounds",    "NAME",     set_bounds,    "of threaded trees (default boxes)",                 "one of:" RT_BOUNDS_LIST(LISTED) },
     { "--branching", "N",        set_branching, "most children of a node of threaded trees (default " TEXT(RTI_BRANCHING) ")",
       "2 to " TEXT(RT_MAX_BRANCHING) },
+    { "--gpu",       NULL,       set_gpu,       "render on an OpenCL device: the same picture",      NULL },
+    { "--device",    "NAME",     set_device,    "the same on that one (default: RT_GPU_DEVICE, else the first GPU, else any)",
+      "gpu, cpu, a number or part of a name: build/bench --devices lists them" },
     { "--quiet",     NULL,       set_quiet,     "print nothing but errors",                          NULL },
     { "--help",      NULL,       set_help,      "print this text",                                   NULL },
 };
 #define OPTION_COUNT (sizeof option_table / sizeof option_table[0])
 
 /* Command line names that are taken, for what is still to come. */
-static const char *const unbuilt_options[] = { "--time", "--error", "--report", "--gpu" };
+static const char *const unbuilt_options[] = { "--time", "--error", "--report" };
 #define UNBUILT_COUNT (sizeof unbuilt_options / sizeof unbuilt_options[0])
 
 /* Is argument "name" or "name=..."? */
@@ -354,9 +363,29 @@ static void print_help(void)
         int widths[16], count = (int)rt_packet_widths(info->algorithm, widths, 16), k;
         printf("  %-18s %-9s %s", info->name, info->structure < RT_STRUCTURE_COUNT ? structure_names[info->structure] : "any", info->what);
         for (k = 0; k < count && k < 16; k++) printf("%s%d", k ? ", " : ": ", widths[k]);
+        count = (int)rt_gpu_widths(info->algorithm, widths, 16);
+        if (count) printf("; with --gpu");
+        for (k = 0; k < count && k < 16; k++) printf("%s%d", k ? ", " : " ", widths[k]);
         puts(info->built ? "" : " - not built yet");
     }
     printf("\nculling:" RT_CULL_LIST(LISTED) "\nsamplers:" RT_SAMPLER_LIST(LISTED) "\nfilters:" RT_FILTER_LIST(LISTED) "\n");
+}
+
+/* Does a kernel have that? */
+static bool check_kernel(const options *o)
+{
+    int widths[16];
+    const size_t count = rt_gpu_widths(o->algorithm->algorithm, widths, 16);
+    size_t i;
+
+    if (o->algorithm->structure != RT_STRUCTURE_COUNT && o->algorithm->structure != o->structure)
+        return fail("%s needs structure %s, not %s", o->algorithm->name, structure_names[o->algorithm->structure], structure_names[o->structure]);
+    if (o->algorithm->algorithm == RT_AUTO && o->packet) return fail("--packet needs an --algorithm with --gpu");
+    if (o->algorithm->algorithm == RT_AUTO) return true;
+    if (!count) return fail("--gpu: no kernel has algorithm %s", o->algorithm->name);
+    for (i = 0; i < count && o->packet; i++)
+        if (widths[i] == o->packet) break;
+    return i < count || !o->packet || fail("--gpu: no kernel of %s has packets of %d: see --help", o->algorithm->name, o->packet);
 }
 
 /* Completes the structure, and asks the library with an empty scene whether it can do what is wanted: before time goes into loading. */
@@ -378,6 +407,7 @@ static bool check_tracing(options *o, rt_trace_options *trace)
     trace->short_stack = o->short_stack;
     build.structure = o->structure;
     build.error = trace->error = &error;
+    if (o->gpu) return check_kernel(o);
     status = rt_build(&accel, &nothing, &build);
     if (status == RT_OK) status = rt_trace(accel, trace, &ray, 0, &hit);
     rt_free(accel);
@@ -482,6 +512,8 @@ typedef struct {
     rt_status status;                       /* the first failure of a tile */
     rt_error error;
     progress *bar;
+    rt_gpu *gpu;                            /* NULL: on the CPU */
+    rt_gpu_scene *there;
 } frame;
 
 static uint64_t all_rays(const rt_ray_counts *rays) { return rays->primary + rays->shadow + rays->reflect + rays->refract; }
@@ -510,6 +542,41 @@ static void render_one_tile(void *context, size_t index)
     f->done++;
     progress_draw(f->bar, seconds_now() - f->start, (double)f->done / (double)f->tiles, all_rays(&f->rays));
     pthread_mutex_unlock(&f->lock);
+}
+
+/* On a device, in bands of as many rows as it draws at once, so that one sees how far it is. */
+static rt_status render_bands(frame *f)
+{
+    const int width = f->how.width, height = f->how.height;
+    rt_gpu_info info;
+    int rows, y;
+
+    rt_gpu_get_info(f->gpu, &info);
+    rows = (info.gpu ? 1 << 20 : 1 << 16) / width;
+    if (rows < 1) rows = 1;
+    if (f->how.raster) rows = height;       /* it is copied with each band */
+    f->start = seconds_now();
+    for (y = 0; y < height && f->status == RT_OK; y += rows) {
+        f->status = rt_gpu_render_tile(f->gpu, f->there, &f->how, 0, y, width, y + rows < height ? y + rows : height, f->pixels, &f->rays);
+        progress_draw(f->bar, seconds_now() - f->start, (double)(y + rows < height ? y + rows : height) / height, all_rays(&f->rays));
+    }
+    return f->status;
+}
+
+/* Opens the device, copies the scene and compiles what draws it. */
+static bool prepare_device(const options *o, frame *f)
+{
+    rt_error error = {0};
+    rt_gpu_options choice = {0};
+    rt_status status;
+
+    choice.device = o->device;
+    choice.error = f->how.trace.error = &error;
+    status = rt_gpu_open(&f->gpu, &choice);
+    if (status == RT_OK) status = rt_gpu_upload_scene(f->gpu, &f->there, f->scene, &error);
+    if (status == RT_OK) status = rt_gpu_render_tile(f->gpu, f->there, &f->how, 0, 0, 0, 0, f->pixels, NULL);
+    f->how.trace.error = &f->error;
+    return status == RT_OK || fail("--gpu: %s", reason(status, &error));
 }
 
 static rt_status render_frame(frame *f, pool *workers)
@@ -618,7 +685,7 @@ static const char *byte_size(size_t bytes, label *out)
 }
 
 static void print_summary(const options *o, const scene *loaded, const rt_info *tree, const frame *f, int threads, double load_seconds,
-                          double build_seconds, double sort_seconds, double render_seconds)
+                          double build_seconds, double sort_seconds, double device_seconds, double render_seconds)
 {
     size_t primitives = tree->triangles + tree->spheres;
     uint64_t rays = all_rays(&f->rays);
@@ -640,8 +707,15 @@ static void print_summary(const options *o, const scene *loaded, const rt_info *
     } else printf("\nprimary   traced");
     printf("\nrays      %s: %s primary, %s shadow, %s reflected, %s refracted\n", grouped(rays, &a), grouped(f->rays.primary, &b),
            grouped(f->rays.shadow, &c), grouped(f->rays.reflect, &d), grouped(f->rays.refract, &e));
-    printf("speed     %.2f Mrays/s: %.3f s with %s on %d thread%s\n", (double)rays / render_seconds * 1e-6, render_seconds,
-           o->algorithm->name, threads, threads == 1 ? "" : "s");
+    if (f->gpu) {
+        rt_gpu_info info;
+        rt_gpu_get_info(f->gpu, &info);
+        printf("device    %s (%s), %s of the scene; ready in %.3f s\n", info.name, info.platform, byte_size(rt_gpu_scene_bytes(f->there), &a),
+               device_seconds);
+    }
+    printf("speed     %.2f Mrays/s: %.3f s with %s on ", (double)rays / render_seconds * 1e-6, render_seconds, o->algorithm->name);
+    if (f->gpu) puts("the device");
+    else printf("%d thread%s\n", threads, threads == 1 ? "" : "s");
     printf("picture   %s, %dx%d, %d sample%s a pixel, depth %d\n", o->output, o->width, o->height, o->spp, o->spp == 1 ? "" : "s",
            o->depth);
 }
@@ -685,7 +759,7 @@ static bool render(options *o)
     frame f = {0};
     rt_status status;
     int threads;
-    double start, load_seconds, build_seconds, sort_seconds, render_seconds;
+    double start, load_seconds, build_seconds, sort_seconds, device_seconds, render_seconds;
     bool done = false;
 
     if (!check_tracing(o, &f.how.trace) || !check_output(o->output, o->scene_name)) return false;
@@ -742,7 +816,14 @@ static bool render(options *o)
     f.how.frame = o->frame;
     f.how.seed = o->seed;
     f.bar = &bar;
-    status = render_frame(&f, workers);
+    start = seconds_now();
+    if (o->gpu) {
+        progress_line(&bar, "compiling ...");
+        if (!prepare_device(o, &f)) goto cleanup;
+        progress_line(&bar, "");
+    }
+    device_seconds = seconds_now() - start;
+    status = o->gpu ? render_bands(&f) : render_frame(&f, workers);
     render_seconds = seconds_now() - f.start;
     progress_line(&bar, "");
     if (status != RT_OK) { fail("%s: %s", o->scene_name, reason(status, &f.error)); goto cleanup; }
@@ -750,9 +831,11 @@ static bool render(options *o)
     pool_destroy(workers);                  /* leaves one thread, as write_picture wants */
     workers = NULL;
     if (!write_picture(o, f.pixels)) goto cleanup;
-    if (!o->quiet) print_summary(o, &loaded, &tree, &f, threads, load_seconds, build_seconds, sort_seconds, render_seconds);
+    if (!o->quiet) print_summary(o, &loaded, &tree, &f, threads, load_seconds, build_seconds, sort_seconds, device_seconds,
+                                 render_seconds);
     done = true;
 cleanup:
+    rt_gpu_close(f.gpu);
     rt_raster_free(raster);
     rt_free(accel);
     pool_destroy(workers);
