@@ -1064,6 +1064,73 @@ static void rtt_device_open(void)
     }
 }
 
+#ifndef RT_NO_SHADING
+/* Renders the tile on a device too: the same pixels and numbers of rays. What no kernel has is traced by another: pictures are the same. */
+static void rtt_compare_pictures(rt_gpu *gpu, const char *what, const rt_scene *scene, const rt_render_options *opt, const int tile[4],
+                                 const rt_vec3 *want, const rt_ray_counts *rays)
+{
+    const size_t width = (size_t)opt->width, count = width * (size_t)opt->height;
+    rt_vec3 *got = (rt_vec3 *)rtt_array(count ? count : 1, sizeof *got);
+    rt_render_options options = *opt;
+    rt_gpu_scene *there = NULL;
+    rt_ray_counts counts = { 0, 0, 0, 0 };
+    rt_error error = { RT_OK, 0, "" };
+    int widths[16];
+    size_t known = rt_gpu_widths(opt->trace.algorithm, widths, RTT_COUNT(widths)), wrong = 0, first = 0;
+    bool fits = opt->trace.packet_width == 0;
+    rt_status status;
+
+    for (size_t i = 0; i < known && i < RTT_COUNT(widths); i++)
+        fits |= widths[i] == opt->trace.packet_width;
+    if (opt->trace.algorithm == RT_AUTO || !known || !fits)
+        memset(&options.trace, 0, sizeof options.trace);
+#ifndef RT_NO_STATS
+    options.trace.stats = NULL;
+#endif
+    options.trace.error = &error;
+    status = rt_gpu_upload_scene(gpu, &there, scene, &error);
+    if (status == RT_OK)
+        status = rt_gpu_render_tile(gpu, there, &options, tile[0], tile[1], tile[2], tile[3], got, &counts);
+    if (status != RT_OK)
+        rtt_fail("%s: %s\n%.2000s", what, error.message, rt_gpu_log(gpu));
+    for (int y = tile[1]; y < tile[3] && status == RT_OK; y++)
+        for (int x = tile[0]; x < tile[2]; x++) {
+            const size_t at = (size_t)y * width + (size_t)x;
+            if (memcmp(&want[at], &got[at], sizeof *got) != 0 && wrong++ == 0)
+                first = at;
+        }
+    if (wrong)
+        rtt_fail("%s: %zu pixels are others on the device, the first is %zu: %a %a %a, not %a %a %a", what, wrong, first, (double)got[first].x,
+                 (double)got[first].y, (double)got[first].z, (double)want[first].x, (double)want[first].y, (double)want[first].z);
+    if (status == RT_OK && memcmp(&counts, rays, sizeof counts) != 0)
+        rtt_fail("%s: %lu %lu %lu %lu rays on the device, not %lu %lu %lu %lu", what, (unsigned long)counts.primary, (unsigned long)counts.shadow,
+                 (unsigned long)counts.reflect, (unsigned long)counts.refract, (unsigned long)rays->primary, (unsigned long)rays->shadow,
+                 (unsigned long)rays->reflect, (unsigned long)rays->refract);
+    rt_gpu_free_scene(there);
+    free(got);
+}
+
+/* In the place of rt_render_tile: every whole picture that a test draws is drawn on the device too. */
+static rt_status rtt_render_tile(const rt_scene *scene, const rt_render_options *opt, int x0, int y0, int x1, int y1, rt_vec3 *pixels,
+                                 rt_ray_counts *rays)
+{
+    const int tile[4] = { x0, y0, x1, y1 };
+    rt_ray_counts counts = { 0, 0, 0, 0 };
+    const rt_status status = rt_render_tile(scene, opt, x0, y0, x1, y1, pixels, &counts);
+
+    if (status == RT_OK && rtt_device.gpu && x0 == 0 && y0 == 0 && x1 == opt->width && y1 == opt->height)
+        rtt_compare_pictures(rtt_device.gpu, "a picture", scene, opt, tile, pixels, &counts);
+    if (status == RT_OK && rays) {
+        rays->primary += counts.primary;
+        rays->shadow += counts.shadow;
+        rays->reflect += counts.reflect;
+        rays->refract += counts.refract;
+    }
+    return status;
+}
+#define rt_render_tile(scene, opt, x0, y0, x1, y1, pixels, rays) rtt_render_tile(scene, opt, x0, y0, x1, y1, pixels, rays)
+#endif
+
 /* The device's ways, those that are often used by turns as rtt_compare_ways has it, or all (every 0). */
 static void rtt_compare_device(rt_gpu *gpu, const char *what, const rt_accel *accel, const rtt_rays *rays, const rt_hit *want, bool backtrack,
                                size_t turn, size_t every)
@@ -9341,6 +9408,247 @@ static void rtt_test_gpu_memory(void)
     free(hits);
 }
 
+#ifndef RT_NO_SHADING
+/* A picture, and of what it shows those things whose bits are set. */
+enum { RTT_SHAPES = 1, RTT_MIRRORS = 2, RTT_GLASS = 4, RTT_MOVING = 8, RTT_TEXTURES = 16, RTT_SPREAD = 32 };
+
+typedef struct {
+    rtt_stage stage;
+    rtt_model child, inner;
+    rt_geometry child_geometry, inner_geometry;
+    rt_scene part, inner_part;
+    const rt_scene *parts[3], *inner_parts[1];
+    rt_texture checker, noise, image;
+    rt_vec3 levels[64];
+    rt_light lights[3];
+    rt_render_options options;
+} rtt_view;
+
+static void rtt_view_build(rtt_view *v, int what)
+{
+    static const rt_vec3 pixels[6] = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 }, { 1, 1, 0 }, { 0, 1, 1 }, { 1, 0.5f, 1 } };
+    rtt_random random = rtt_stream();
+    rtt_stage *stage = &v->stage;
+    uint32_t k;
+
+    memset(v, 0, sizeof *v);
+    v->checker = rtt_texture(RT_TEXTURE_CHECKER, true, 0.4f), v->noise = rtt_texture(RT_TEXTURE_NOISE, false, 0.3f);
+    rt_make_texture_levels(pixels, 3, 2, v->levels);
+    v->image.kind = RT_TEXTURE_IMAGE, v->image.levels = v->levels, v->image.width = 3, v->image.height = 2;
+    for (k = 0; k < 4; k++)
+        stage->materials[k] = rtt_material(rtt_v(0.6f, 0.2f + 0.2f * (float)k, 0.4f), rtt_gray(k == 3 ? 0.05f : 0), rtt_gray(0), rtt_gray(0), 0, false);
+    stage->materials[0].specular = rtt_gray(0.3f), stage->materials[0].shininess = 12.5f;
+    if (what & RTT_MIRRORS) stage->materials[1].reflect = rtt_v(0.5f, 0.4f, 0.6f);
+    if (what & RTT_GLASS) {
+        stage->materials[2] = rtt_glass(1.5f, true);
+        stage->materials[2].reflect = rtt_gray(0.1f), stage->materials[2].absorb = rtt_v(0.3f, 0.1f, 0.5f);
+    }
+    if (what & RTT_SPREAD) stage->materials[1].roughness = 0.2f, stage->materials[2].roughness = 0.1f;
+    if (what & RTT_TEXTURES) {
+        stage->materials[0].texture = &v->checker, stage->materials[3].texture = &v->image, stage->materials[1].texture = &v->image;
+        stage->materials[3].bump = &v->noise, stage->materials[3].bump_height = 0.05f;
+    }
+    rtt_stage_quad(stage, rtt_v(-4, 0, -4), rtt_v(0, 0, 8), rtt_v(8, 0, 0), 0);
+    rtt_slab(stage, rtt_v(-1.5f, 0.1f, -1), rtt_v(-0.5f, 1.4f, 0.3f), 2);
+    rtt_slab(stage, rtt_v(0.5f, 0.1f, -1.5f), rtt_v(1.4f, 1.8f, -1), 1);
+    k = (uint32_t)stage->model.triangle_count;
+    if (what & RTT_SHAPES) {
+        rtt_ball(&stage->model, rtt_v(0.2f, 0.6f, 0.6f), 0.5f);
+        rtt_ball(&stage->model, rtt_v(1.3f, 0.5f, 0.7f), 0.4f);
+        stage->ids[k++] = 2, stage->ids[k++] = 3;
+        rtt_ground(&stage->model, rtt_v(0, -0.2f, 0), rtt_v(0, 1, 0), 0);
+        stage->ids[k++] = 3;
+    }
+    if (what & RTT_MOVING) {
+        rtt_cloud(&v->inner, &random, 4, rtt_origin, 0.4f, 0.5f);
+        v->inner_geometry = rtt_geometry(&v->inner);
+        v->inner_part.materials = stage->materials, v->inner_part.material_count = 4;
+        v->child.structure = RT_BVH;
+        rtt_cloud(&v->child, &random, 6, rtt_origin, 0.6f, 0.4f);
+        rtt_balls(&v->child, &random, 2, rtt_origin, 0.6f, 0.2f);
+        rtt_place(&v->child, &v->inner, rtt_v(1, 0.5f, 2), rtt_v(0, 0.4f, 0));
+        rtt_set_motion(&v->child, rtt_v(0.3f, 0, 0), rtt_origin, rtt_v(0, 1, 0), 1);
+        v->child_geometry = rtt_geometry(&v->child);
+        v->inner_parts[0] = &v->inner_part;
+        v->part.parts = v->inner_parts, v->part.materials = stage->materials + 1, v->part.material_count = 3;
+        for (k = 0; k < 3; k++) {
+            rtt_place(&stage->model, &v->child, rtt_v(0.7f, 1, 0.6f), rtt_v((float)k - 1, 1.6f, 0.4f * (float)k));
+            if (k != 1) rtt_set_motion(&stage->model, rtt_v(0, 0.2f, 0.1f), rtt_origin, rtt_v(1, 1, 0), 0.5f);
+            v->parts[k] = &v->part;
+        }
+        stage->scene.parts = v->parts;
+        v->options.lens.open = 0.1f, v->options.lens.close = 0.8f;
+    }
+    v->part.accel = v->child.accel, v->part.geometry = &v->child_geometry;
+    v->inner_part.accel = v->inner.accel, v->inner_part.geometry = &v->inner_geometry;
+    rtt_stage_build(stage);
+    for (k = 0; k < 3; k++)
+        v->lights[k].position = rtt_v(3 - 3 * (float)k, 5, 4), v->lights[k].color = rtt_v(0.3f, 0.3f + 0.1f * (float)k, 0.4f);
+    if (what & RTT_SPREAD) {
+        v->lights[0].radius = 0.7f;
+        v->lights[1].edges[0] = rtt_v(1, 0, 0), v->lights[1].edges[1] = rtt_v(0, 0.5f, 0), v->lights[1].by_area = true;
+        v->options.lens.radius = 0.04f;
+        v->options.filter = RT_FILTER_GAUSSIAN;
+        v->options.sampler = RT_SAMPLER_STRATIFIED;
+    }
+    stage->scene.lights = v->lights, stage->scene.light_count = 3;
+    stage->scene.ambient = rtt_gray(0.1f), stage->scene.background = rtt_v(0.3f, 0.5f, 0.8f);
+    stage->scene.camera = (rt_camera){ { 0.6f, 2.4f, 4.5f }, { 0, 0.7f, 0 }, { 0, 1, 0 }, 50 };
+    v->options.width = 37, v->options.height = 29, v->options.spp = 2, v->options.depth = 4;
+    CHECK_STATUS(rt_check_scene(&stage->scene, NULL), RT_OK);
+}
+
+static void rtt_view_free(rtt_view *v)
+{
+    rtt_stage_free(&v->stage);
+    rtt_model_free(&v->child);
+    rtt_model_free(&v->inner);
+}
+
+/* Pictures by programs that leave out what each does not show: whole, in part, in pieces that little memory asks for, and with eye rays that
+   are rasterised. Every picture of the other tests is drawn by the program for all. */
+static void rtt_test_gpu_pictures(void)
+{
+    static const int shown[] = { 0, RTT_SHAPES | RTT_GLASS, RTT_MOVING | RTT_MIRRORS, RTT_TEXTURES | RTT_SPREAD, 63 };
+    static const int tiles[2][4] = { { 0, 0, 37, 29 }, { 5, 3, 30, 22 } };
+    static rt_vec3 want[37 * 29];
+    rt_gpu_options open;
+    rt_gpu *gpu[2];
+
+    memset(&open, 0, sizeof open);
+    open.memory_user = &rtt_device.memory;
+    open.inexact = rtt.any_gpu;
+    CHECK_STATUS(rt_gpu_open(&gpu[0], &open), RT_OK);
+    open.memory_limit = 400000;             /* some hundred pixels at a time */
+    CHECK_STATUS(rt_gpu_open(&gpu[1], &open), RT_OK);
+    for (size_t i = 0; i < RTT_COUNT(shown); i++)
+        for (int t = 0; t < 2; t++) {
+            const int *tile = tiles[t];
+            rt_ray_counts rays = { 0, 0, 0, 0 };
+            rt_raster *raster = NULL;
+            rtt_view v;
+            char label[64];
+
+            rtt_view_build(&v, shown[i]);
+            CHECK_STATUS((rt_render_tile)(&v.stage.scene, &v.options, tile[0], tile[1], tile[2], tile[3], want, &rays), RT_OK);
+            snprintf(label, sizeof label, "picture %d, tile %d", shown[i], t);
+            rtt_compare_pictures(gpu[0], label, &v.stage.scene, &v.options, tile, want, &rays);
+            snprintf(label, sizeof label, "picture %d, tile %d, little memory", shown[i], t);
+            if (t == 0)
+                rtt_compare_pictures(gpu[1], label, &v.stage.scene, &v.options, tile, want, &rays);
+            if (!(shown[i] & (RTT_MOVING | RTT_SPREAD))) {
+                CHECK_STATUS(rt_raster_create(&raster, v.stage.scene.geometry, &v.stage.scene.camera, 37, 29, NULL), RT_OK);
+                v.options.raster = raster;
+                snprintf(label, sizeof label, "picture %d, tile %d, rasterised", shown[i], t);
+                rtt_compare_pictures(gpu[t], label, &v.stage.scene, &v.options, tile, want, &rays);
+                rt_raster_free(raster);
+            }
+            rtt_view_free(&v);
+        }
+    rt_gpu_close(gpu[0]);
+    rt_gpu_close(gpu[1]);
+}
+
+/* Each mistake has its status and message, and pictures are right afterwards; memory ends at each allocation, the device's and the host's. */
+static void rtt_test_gpu_picture_mistakes(void)
+{
+    static rt_vec3 want[37 * 29], got[37 * 29];
+    const rt_camera other = { { 0, 3, 5 }, { 0, 0.7f, 0 }, { 0, 1, 0 }, 40 };
+    rt_ray_counts rays = { 0, 0, 0, 0 };
+    rtt_memory memory = { 0 };
+    rt_gpu_options open;
+    rt_gpu_scene *there, *away;
+    rt_render_options o;
+    rt_raster *raster;
+    rt_error error;
+    rt_gpu *gpu, *beside;
+    rtt_view v;
+    size_t bytes, fail;
+    bool done = false;
+
+    memset(&open, 0, sizeof open);
+    open.memory_user = &memory;
+    open.inexact = rtt.any_gpu;
+    open.error = &error;
+    rtt_view_build(&v, RTT_SHAPES | RTT_GLASS);
+    CHECK_STATUS(rt_gpu_open(&gpu, &open), RT_OK);
+    CHECK_STATUS(rt_gpu_open(&beside, &open), RT_OK);
+    CHECK_STATUS(rt_gpu_upload_scene(gpu, &there, &v.stage.scene, &error), RT_OK);
+    CHECK_STATUS(rt_gpu_upload_scene(beside, &away, &v.stage.scene, NULL), RT_OK);
+    o = v.options;
+    o.trace.error = &error;
+#define RTT_REFUSED(call, status, word) do { CHECK_STATUS(call, status); CHECK(strstr(error.message, word)); } while (0)
+    RTT_REFUSED(rt_gpu_upload_scene(NULL, &there, &v.stage.scene, &error), RT_ERROR_ARGUMENT, "gpu is NULL");
+    RTT_REFUSED(rt_gpu_upload_scene(gpu, NULL, &v.stage.scene, &error), RT_ERROR_ARGUMENT, "out is NULL");
+    RTT_REFUSED(rt_gpu_upload_scene(gpu, &away, NULL, &error), RT_ERROR_ARGUMENT, "scene is NULL");
+    v.stage.scene.accel = NULL;
+    away = there;
+    RTT_REFUSED(rt_gpu_upload_scene(gpu, &away, &v.stage.scene, &error), RT_ERROR_ARGUMENT, "accel");
+    CHECK(!away);
+    v.stage.scene.accel = v.stage.accel;
+    CHECK_STATUS(rt_gpu_upload_scene(beside, &away, &v.stage.scene, NULL), RT_OK);
+    CHECK_STATUS(rt_gpu_render_tile(gpu, there, NULL, 0, 0, 37, 29, got, NULL), RT_ERROR_ARGUMENT);
+    RTT_REFUSED(rt_gpu_render_tile(NULL, there, &o, 0, 0, 37, 29, got, NULL), RT_ERROR_ARGUMENT, "gpu is NULL");
+    RTT_REFUSED(rt_gpu_render_tile(gpu, NULL, &o, 0, 0, 37, 29, got, NULL), RT_ERROR_ARGUMENT, "scene is NULL");
+    RTT_REFUSED(rt_gpu_render_tile(gpu, there, &o, 0, 0, 37, 29, NULL, NULL), RT_ERROR_ARGUMENT, "pixels is NULL");
+    RTT_REFUSED(rt_gpu_render_tile(gpu, away, &o, 0, 0, 37, 29, got, NULL), RT_ERROR_ARGUMENT, "another context");
+    RTT_REFUSED(rt_gpu_render_tile(gpu, there, &o, 0, 0, 38, 29, got, NULL), RT_ERROR_ARGUMENT, "leaves the picture");
+    o.depth = 65;
+    RTT_REFUSED(rt_gpu_render_tile(gpu, there, &o, 0, 0, 37, 29, got, NULL), RT_ERROR_ARGUMENT, "depth");
+    o.depth = 4, o.trace.algorithm = RT_KD_STACK;
+    RTT_REFUSED(rt_gpu_render_tile(gpu, there, &o, 0, 0, 37, 29, got, NULL), RT_ERROR_ARGUMENT, "kd.stack");
+    o.trace.algorithm = RT_BVH_SIMD, o.trace.packet_width = 3;
+    CHECK_STATUS(rt_gpu_render_tile(gpu, there, &o, 0, 0, 37, 29, got, NULL), RT_ERROR_ARGUMENT);
+    o.trace.algorithm = RT_AUTO, o.trace.packet_width = 0;
+    CHECK_STATUS(rt_raster_create(&raster, v.stage.scene.geometry, &other, 37, 29, NULL), RT_OK);
+    o.raster = raster;
+    RTT_REFUSED(rt_gpu_render_tile(gpu, there, &o, 0, 0, 37, 29, got, NULL), RT_ERROR_ARGUMENT, "another picture");
+    rt_gpu_set_camera(there, &other);
+    v.stage.scene.camera = other;
+    CHECK_STATUS((rt_render_tile)(&v.stage.scene, &v.options, 0, 0, 37, 29, want, &rays), RT_OK);
+    CHECK_STATUS(rt_gpu_render_tile(gpu, there, &o, 0, 0, 37, 29, got, NULL), RT_OK);
+    CHECK(memcmp(want, got, sizeof want) == 0);
+    o.raster = NULL;
+    rt_raster_free(raster);
+    CHECK_STATUS(rt_gpu_render_tile(gpu, there, &o, 0, 0, 37, 29, got, NULL), RT_OK);
+    CHECK(memcmp(want, got, sizeof want) == 0);
+    bytes = rt_gpu_scene_bytes(there);
+    rt_gpu_close(gpu);
+    for (fail = 0; fail < 1000; fail++) {
+        const size_t blocks = memory.blocks;
+
+        CHECK_STATUS(rt_gpu_upload_scene(beside, &there, &v.stage.scene, NULL), RT_OK);
+        rt_gpu_free_scene(there);
+        CHECK(memory.blocks == blocks);
+    }
+    rt_gpu_close(beside);
+    rt_gpu_free_scene(NULL);
+    open.memory_limit = bytes - 1;
+    CHECK_STATUS(rt_gpu_open(&gpu, &open), RT_OK);
+    RTT_REFUSED(rt_gpu_upload_scene(gpu, &there, &v.stage.scene, &error), RT_ERROR_MEMORY, "MB");
+    CHECK(!there && gpu->used == 0);
+    rt_gpu_close(gpu);
+    open.memory_limit = bytes + 100;        /* not one pixel */
+    CHECK_STATUS(rt_gpu_open(&gpu, &open), RT_OK);
+    CHECK_STATUS(rt_gpu_upload_scene(gpu, &there, &v.stage.scene, &error), RT_OK);
+    RTT_REFUSED(rt_gpu_render_tile(gpu, there, &o, 0, 0, 37, 29, got, NULL), RT_ERROR_MEMORY, "MB");
+    rt_gpu_close(gpu);
+    open.memory_limit = 0;
+    for (fail = 1; !done && fail < 300; fail++) {
+        memory.calls = 0;
+        memory.fail_at = fail;
+        done = rt_gpu_open(&gpu, &open) == RT_OK && rt_gpu_upload_scene(gpu, &there, &v.stage.scene, &error) == RT_OK
+            && rt_gpu_render_tile(gpu, there, &o, 0, 0, 37, 29, got, NULL) == RT_OK;
+        CHECK(done || error.status == RT_ERROR_MEMORY);
+        rt_gpu_close(gpu);
+        CHECK(memory.blocks == 0);
+    }
+    CHECK(done && memcmp(want, got, sizeof want) == 0);
+    rtt_view_free(&v);
+#undef RTT_REFUSED
+}
+#endif
+
 /* Batches that follow each other without a wait, in two contexts that take turns; events say when each is done. */
 static void rtt_test_gpu_async(void)
 {
@@ -9618,6 +9926,10 @@ static const rtt_test rtt_tests[] = {
     { "gpu.mistakes", rtt_test_gpu_mistakes },
     { "gpu.log", rtt_test_gpu_log },
     { "gpu.memory", rtt_test_gpu_memory },
+#ifndef RT_NO_SHADING
+    { "gpu.pictures", rtt_test_gpu_pictures },
+    { "gpu.pictures.mistakes", rtt_test_gpu_picture_mistakes },
+#endif
     { "gpu.async", rtt_test_gpu_async },
     { "gpu.cycles", rtt_test_gpu_cycles },
 };
