@@ -1498,7 +1498,7 @@ static void rti_gpu_append_level(rti_gpu_source *s, const rti_gpu_key *key, uint
     if (wide && bvh && 7 * level->wide_depth + 8 > depth) depth = 7 * level->wide_depth + 8;
     rti_gpu_define(s, "RTI_STACK %u", depth);
     rti_gpu_define(s, "RTI_WALK_FLAGS %u", all | any);
-    rti_gpu_define(s, "RTI_HAS_PLANES %u", level->planes);
+    rti_gpu_define(s, "RTI_HAS_PLANES %s", level->planes ? "true" : "false");
     rti_gpu_define_test(s, "RTI_IS_KDTREE", "structure", level->structures, RT_KDTREE);
     rti_gpu_define_test(s, "RTI_IS_THREADED", "structure", level->structures, RT_THREADED);
     rti_gpu_define_test(s, "RTI_IS_ROUND", "bounds", level->bounds, RT_BOUNDS_SPHERES);
@@ -1543,7 +1543,7 @@ static void rti_gpu_define_choice(rti_gpu_source *s, const rti_gpu_key *key, con
 
 static void rti_gpu_write_frame(rti_gpu_source *s, const rti_gpu_key *key)
 {
-#define RTI_GPU_SHOW(name) rti_gpu_define(s, "RTI_SHOWS_" #name " %d", (int)(key->shows >> RTI_GPU_##name##_BIT & 1));
+#define RTI_GPU_SHOW(name) rti_gpu_define(s, "RTI_SHOWS_" #name " %s", key->shows >> RTI_GPU_##name##_BIT & 1 ? "true" : "false");
     RTI_GPU_THINGS(RTI_GPU_SHOW)
     rti_gpu_define_choice(s, key, "RTI_SAMPLER_KIND", "sampler", key->sampler);
     rti_gpu_define_choice(s, key, "RTI_FILTER_KIND", "filter", key->filter);

@@ -41,7 +41,8 @@ typedef struct { float bounds[6][8]; uint32_t index[8], count[8]; } rti_gpu_wide
 /* The same for GPUs, half of it: planes in steps of 2^exponent from an origin, rounded outwards. */
 RTI_SHARED(
 typedef struct { float origin[3]; signed char exponent[4]; uint8_t bounds[6][8]; uint32_t index[8], count[8]; } rti_gpu_compact;
-typedef char rti_check_wide[sizeof(rti_gpu_wide) == 256 && sizeof(rti_gpu_compact) == 128 ? 1 : -1];
+typedef char rti_check_wide[sizeof(rti_gpu_wide) == 256 ? 1 : -1];
+typedef char rti_check_compact[sizeof(rti_gpu_compact) == 128 ? 1 : -1];
 )
 
 #endif
@@ -598,8 +599,10 @@ typedef struct {
     int64_t vertices, indices, normals, normal_indices, colors, texcoords, texcoord_indices, materials, material_ids, spheres, planes, parts;
     uint32_t stride, triangle_count, instance_count, tree_count;
 } rti_gpu_shape;
-typedef char rti_check_scene[sizeof(rti_gpu_texture) == 56 && sizeof(rti_gpu_material) == 112 && sizeof(rti_gpu_light) == 56 &&
-                             sizeof(rti_gpu_shape) == 112 ? 1 : -1];
+typedef char rti_check_texture_record[sizeof(rti_gpu_texture) == 56 ? 1 : -1];
+typedef char rti_check_material_record[sizeof(rti_gpu_material) == 112 ? 1 : -1];
+typedef char rti_check_light_record[sizeof(rti_gpu_light) == 56 ? 1 : -1];
+typedef char rti_check_shape_record[sizeof(rti_gpu_shape) == 112 ? 1 : -1];
 )
 
 /* What all steps of a tile have in common: rti_film and rti_world of rt.h, and how its memory is laid out, see rti_work. */
@@ -618,7 +621,10 @@ typedef struct { float lo[2], hi[2], depth; } rti_gpu_span;
 typedef struct {                            /* rt_raster: see rti_span and rti_level of rt.h; arrays as those of an accel */
     uint32_t level_count, shifts[17], columns[17], firsts[17], triangle_count, solid_count, spans, starts, entries, slots;
 } rti_gpu_raster;
-typedef char rti_check_frame[sizeof(rti_gpu_frame) == 188 && sizeof(rti_gpu_pixel) == 28 && sizeof(rti_gpu_path) == 36 ? 1 : -1];
+typedef char rti_check_frame[sizeof(rti_gpu_frame) == 188 ? 1 : -1];
+typedef char rti_check_pixel[sizeof(rti_gpu_pixel) == 28 ? 1 : -1];
+typedef char rti_check_path[sizeof(rti_gpu_path) == 36 ? 1 : -1];
+typedef char rti_check_span[sizeof(rti_gpu_span) == 20 ? 1 : -1];
 )
 
 #endif
@@ -798,77 +804,73 @@ typedef struct {
     bool inside;
 } rti_surface;
 
-RTI_FN rti_film rti_film_of(const rti_gpu_frame *frame)
+RTI_FN void rti_make_film(const rti_gpu_frame *frame, rti_film *film)
 {
-    rti_film film;
-    film.view.eye = frame->view[0];
-    film.view.corner = frame->view[1];
-    film.view.right = frame->view[2];
-    film.view.down = frame->view[3];
-    film.left = frame->left;
-    film.top = frame->top;
-    film.side = frame->width;
+    film->view.eye = frame->view[0];
+    film->view.corner = frame->view[1];
+    film->view.right = frame->view[2];
+    film->view.down = frame->view[3];
+    film->left = frame->left;
+    film->top = frame->top;
+    film->side = frame->width;
 )
 #if RTI_SAMPLING
 RTI_SHARED(
-    film.sampler.kind = RTI_SAMPLER_KIND;
-    film.sampler.spp = frame->spp;
-    film.sampler.seed = frame->seed;
-    film.sampler.frame = frame->frame;
-    film.sample = frame->sample;
-    film.filter = RTI_FILTER_KIND;
-    film.lens.right = frame->lens_right;
-    film.lens.down = frame->lens_down;
-    film.lens.rfocus = frame->rfocus;
-    film.lens.open = RTI_LENS_OPEN;
-    film.spread = RTI_SPREAD;
-    film.timed = RTI_TIMED;
-    film.open = frame->open;
-    film.length = frame->length;
+    film->sampler.kind = RTI_SAMPLER_KIND;
+    film->sampler.spp = frame->spp;
+    film->sampler.seed = frame->seed;
+    film->sampler.frame = frame->frame;
+    film->sample = frame->sample;
+    film->filter = RTI_FILTER_KIND;
+    film->lens.right = frame->lens_right;
+    film->lens.down = frame->lens_down;
+    film->lens.rfocus = frame->rfocus;
+    film->lens.open = RTI_LENS_OPEN;
+    film->spread = RTI_SPREAD;
+    film->timed = RTI_TIMED;
+    film->open = frame->open;
+    film->length = frame->length;
 )
 #endif
 RTI_SHARED(
-    return film;
 }
 )
 
 /* root: room for the outermost accel, if there are instances to follow. */
 RTI_SHARED(
-RTI_FN rti_world rti_world_of(const rti_gpu_frame *frame, const RTI_GLOBAL char *scene, const RTI_GLOBAL char *arena, rt_accel *root)
+RTI_FN void rti_make_world(const rti_gpu_frame *frame, const RTI_GLOBAL char *scene, const RTI_GLOBAL char *arena, rt_accel *root,
+                           rti_world *world)
 {
     const RTI_GLOBAL rti_part *part = (const RTI_GLOBAL rti_part *)scene;
-    rti_world world;
-    world.shape = rti_shape_of(part);
-    world.ambient = frame->ambient;
-    world.background = frame->background;
-    world.angle = frame->angle;
+    world->shape = rti_shape_of(part);
+    world->ambient = frame->ambient;
+    world->background = frame->background;
+    world->angle = frame->angle;
 )
 #if RTI_INSTANCES
 RTI_SHARED(
     if (RTI_SHOWS(INSTANCES)) rti_open(root, arena, 0);
-    world.accel = root;
-    world.part = part;
+    world->accel = root;
+    world->part = part;
 )
 #endif
 RTI_SHARED(
-    return world;
 }
 )
 
 RTI_SHARED(
-RTI_FN rt_ray rti_start(const rti_gpu_frame *frame, const rti_film *film, uint32_t pixel, rti_path *path)
+RTI_FN void rti_start(const rti_gpu_frame *frame, const rti_film *film, uint32_t pixel, rti_path *path, rt_ray *ray)
 {
     const float x = (float)(film->left + pixel % film->side) + frame->dx, y = (float)(film->top + pixel / film->side) + frame->dy;
-    rt_ray ray = rti_view_ray(&film->view, x, y);
+    *ray = rti_view_ray(&film->view, x, y);
     rti_start_path(path, pixel, frame->open);
 )
 #if RTI_SAMPLING
 RTI_SHARED(
-    rti_spread(film, path, &ray);
+    rti_spread(film, path, ray);
 )
 #endif
 RTI_SHARED(
-    return ray;
 }
 
 RTI_FN void rti_see(const rti_world *world, const rt_ray *ray, const rt_hit *hit, rti_path *path, rti_surface *s, rt_vec3 *sum)
@@ -959,18 +961,16 @@ typedef struct {
     RTI_GLOBAL rti_gpu_path *waiting;
 } rti_work;
 
-RTI_FN rti_work rti_work_of(RTI_GLOBAL char *memory, const rti_gpu_frame *frame)
+RTI_FN void rti_make_work(RTI_GLOBAL char *memory, const rti_gpu_frame *frame, rti_work *w)
 {
     const size_t space = frame->space;
-    rti_work w;
-    w.count = (RTI_GLOBAL uint32_t *)memory;
-    w.pixels = (RTI_GLOBAL rti_gpu_pixel *)(memory + RTI_GPU_ALIGN);
-    w.paths[0] = (RTI_GLOBAL rti_gpu_path *)(w.pixels + space);
-    w.paths[1] = w.paths[0] + space;
-    w.surfaces = (RTI_GLOBAL float *)(w.paths[1] + space);
-    w.waiting_rays = (RTI_GLOBAL rt_ray *)(w.surfaces + RTI_GPU_SURFACE * space);
-    w.waiting = (RTI_GLOBAL rti_gpu_path *)(w.waiting_rays + frame->waiting * space);
-    return w;
+    w->count = (RTI_GLOBAL uint32_t *)memory;
+    w->pixels = (RTI_GLOBAL rti_gpu_pixel *)(memory + RTI_GPU_ALIGN);
+    w->paths[0] = (RTI_GLOBAL rti_gpu_path *)(w->pixels + space);
+    w->paths[1] = w->paths[0] + space;
+    w->surfaces = (RTI_GLOBAL float *)(w->paths[1] + space);
+    w->waiting_rays = (RTI_GLOBAL rt_ray *)(w->surfaces + RTI_GPU_SURFACE * space);
+    w->waiting = (RTI_GLOBAL rti_gpu_path *)(w->waiting_rays + frame->waiting * space);
 }
 )
 
@@ -991,22 +991,20 @@ RTI_FN const RTI_GLOBAL rt_material *rti_material_of(const RTI_GLOBAL char *scen
 )
 
 RTI_SHARED(
-RTI_FN rti_path rti_load_path(const RTI_GLOBAL char *scene, const RTI_GLOBAL rti_gpu_path *from)
+RTI_FN void rti_load_path(const RTI_GLOBAL char *scene, const RTI_GLOBAL rti_gpu_path *from, rti_path *path)
 {
-    rti_path path;
-    path.weight = from->weight;
-    path.pixel = from->pixel;
-    path.medium = rti_material_of(scene, from->medium);
-    path.width = from->width;
+    path->weight = from->weight;
+    path->pixel = from->pixel;
+    path->medium = rti_material_of(scene, from->medium);
+    path->width = from->width;
 )
 #if RTI_SAMPLING
 RTI_SHARED(
-    path.time = from->time;
-    path.branch = from->branch;
+    path->time = from->time;
+    path->branch = from->branch;
 )
 #endif
 RTI_SHARED(
-    return path;
 }
 
 RTI_FN void rti_save_path(const RTI_GLOBAL char *scene, const rti_path *path, uint32_t level, RTI_GLOBAL rti_gpu_path *to)
@@ -1056,11 +1054,15 @@ __kernel void rt_gpu_look(RTI_STEP)
 {
     const rti_gpu_frame *const frame = &given;
     const uint32_t i = (uint32_t)get_global_id(0);
-    const rti_work w = rti_work_of(memory, frame);
-    const rti_film film = rti_film_of(frame);
+    rti_work w;
+    rti_film film;
     rti_path path;
+    rt_ray ray;
     if (i >= count) return;
-    rays[i] = rti_start(frame, &film, rti_place_of(i, frame->width, frame->height), &path);
+    rti_make_work(memory, frame, &w);
+    rti_make_film(frame, &film);
+    rti_start(frame, &film, rti_place_of(i, frame->width, frame->height), &path, &ray);
+    rays[i] = ray;
     if (RTI_TIMED) times[i] = RTI_SAMPLING_OR(path.time, 0);
     rti_save_path(scene, &path, 0, &w.paths[0][i]);
     if (!frame->sample) w.pixels[path.pixel] = (rti_gpu_pixel){ { 0, 0, 0 }, 0, 0, 0, 0 };
@@ -1072,8 +1074,8 @@ __kernel void rt_gpu_meet(RTI_STEP)
 {
     const rti_gpu_frame *const frame = &given;
     const uint32_t i = (uint32_t)get_global_id(0);
-    const rti_work w = rti_work_of(memory, frame);
-    RTI_GLOBAL rti_gpu_path *const saved = &w.paths[turn][i];
+    rti_work w;
+    RTI_GLOBAL rti_gpu_path *saved;
     rti_surface surface;
     rti_world world;
     rti_path path;
@@ -1081,13 +1083,15 @@ __kernel void rt_gpu_meet(RTI_STEP)
     rt_vec3 sum;
     rt_hit hit;
     rt_ray ray;
+    rti_make_work(memory, frame, &w);
     if (!i) *w.count = 0;
     if (i >= count) return;
+    saved = &w.paths[turn][i];
     ray = rays[i];
     hit = hits[i];
-    path = rti_load_path(scene, saved);
+    rti_load_path(scene, saved, &path);
     sum = w.pixels[path.pixel].sum;
-    world = rti_world_of(frame, scene, arena, &root);
+    rti_make_world(frame, scene, arena, &root, &world);
     rti_see(&world, &ray, &hit, &path, &surface, &sum);
     rti_save_surface(scene, &surface, frame->space, w.surfaces + i);
     rti_save_path(scene, &path, saved->level, saved);
@@ -1101,18 +1105,22 @@ __kernel void rt_gpu_aim(RTI_STEP)
 {
     const rti_gpu_frame *const frame = &given;
     const uint32_t i = (uint32_t)get_global_id(0);
-    const rti_work w = rti_work_of(memory, frame);
+    rti_work w;
     const rt_light light = rti_light_of(scene, frame, number);
-    RTI_GLOBAL float *const to = w.surfaces + i;
     const size_t space = frame->space;
+    RTI_GLOBAL float *to;
     rti_surface surface;
     rt_ray ray;
     bool sent = false;
     if (i >= count) return;
+    rti_make_work(memory, frame, &w);
+    to = w.surfaces + i;
     rti_load_surface(scene, to, space, &surface);
     if (surface.material) {
-        const rti_film film = rti_film_of(frame);
-        const rti_path path = rti_load_path(scene, &w.paths[turn][i]);
+        rti_film film;
+        rti_path path;
+        rti_make_film(frame, &film);
+        rti_load_path(scene, &w.paths[turn][i], &path);
         sent = rti_aim_at(&film, &path, &light, number, &surface, &ray);
         to[RTI_COSINE * space] = sent ? surface.lanes[RTI_COSINE] : 0;
         to[RTI_HIGHLIGHT * space] = surface.lanes[RTI_HIGHLIGHT];
@@ -1129,14 +1137,16 @@ __kernel void rt_gpu_shine(RTI_STEP)
 {
     const rti_gpu_frame *const frame = &given;
     const uint32_t i = (uint32_t)get_global_id(0);
-    const rti_work w = rti_work_of(memory, frame);
+    rti_work w;
     const rt_light light = rti_light_of(scene, frame, number);
-    const RTI_GLOBAL float *const from = w.surfaces + i;
     const size_t space = frame->space;
+    const RTI_GLOBAL float *from;
     RTI_GLOBAL rti_gpu_pixel *pixel;
     rti_surface surface;
     rt_vec3 sum;
     if (i >= count || hits[i].prim != RT_NONE) return;
+    rti_make_work(memory, frame, &w);
+    from = w.surfaces + i;
     rti_load_surface(scene, from, space, &surface);
     if (!surface.material) return;
     surface.lanes[RTI_COSINE] = from[RTI_COSINE * space];
@@ -1157,15 +1167,17 @@ RTI_FN bool rti_go_on(const rti_work *w, const RTI_GLOBAL char *scene, const rti
 {
     const RTI_GLOBAL rti_gpu_path *const saved = &w->paths[turn][i];
     RTI_GLOBAL rti_gpu_pixel *const pixel = w->pixels + saved->pixel;
-    const rti_film film = rti_film_of(frame);
-    const rti_path from = rti_load_path(scene, saved);
     uint32_t waiting = pixel->waiting;
     uint32_t sent;
+    rti_film film;
+    rti_path from;
     rti_surface surface;
     rt_ray rays[2];
     rti_path paths[2];
     size_t at;
     *level = saved->level + 1;
+    rti_make_film(frame, &film);
+    rti_load_path(scene, saved, &from);
     rti_load_surface(scene, w->surfaces + i, frame->space, &surface);
     sent = rti_send_on(&film, &from, &surface, saved->level >= frame->depth, rays, paths);
     pixel->reflect += sent & 1;
@@ -1185,7 +1197,7 @@ RTI_FN bool rti_go_on(const rti_work *w, const RTI_GLOBAL char *scene, const rti
     pixel->waiting = --waiting;
     at = (size_t)waiting * frame->space + from.pixel;
     *ray = w->waiting_rays[at];
-    *path = rti_load_path(scene, &w->waiting[at]);
+    rti_load_path(scene, &w->waiting[at], path);
     *level = w->waiting[at].level;
     return true;
 }
@@ -1199,12 +1211,13 @@ __kernel void rt_gpu_bounce(RTI_STEP)
     __local uint32_t first;
     const rti_gpu_frame *const frame = &given;
     const uint32_t i = (uint32_t)get_global_id(0);
-    const rti_work w = rti_work_of(memory, frame);
+    rti_work w;
     uint32_t place = 0;
     uint32_t level;
     rti_path path;
     rt_ray ray;
     bool goes = false;
+    rti_make_work(memory, frame, &w);
     if (!get_local_id(0)) going = 0;
     barrier(CLK_LOCAL_MEM_FENCE);
     if (i < count) goes = rti_go_on(&w, scene, frame, i, turn, &ray, &path, &level);

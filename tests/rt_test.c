@@ -1110,7 +1110,7 @@ static void rtt_compare_pictures(rt_gpu *gpu, const char *what, const rt_scene *
     free(got);
 }
 
-/* In the place of rt_render_tile: every whole picture that a test draws is drawn on the device too. */
+/* In the place of rt_render_tile: every whole picture that a test draws, but the largest, is drawn on the device too. */
 static rt_status rtt_render_tile(const rt_scene *scene, const rt_render_options *opt, int x0, int y0, int x1, int y1, rt_vec3 *pixels,
                                  rt_ray_counts *rays)
 {
@@ -1118,7 +1118,7 @@ static rt_status rtt_render_tile(const rt_scene *scene, const rt_render_options 
     rt_ray_counts counts = { 0, 0, 0, 0 };
     const rt_status status = rt_render_tile(scene, opt, x0, y0, x1, y1, pixels, &counts);
 
-    if (status == RT_OK && rtt_device.gpu && x0 == 0 && y0 == 0 && x1 == opt->width && y1 == opt->height)
+    if (status == RT_OK && rtt_device.gpu && x0 == 0 && y0 == 0 && x1 == opt->width && y1 == opt->height && counts.primary < 65536)
         rtt_compare_pictures(rtt_device.gpu, "a picture", scene, opt, tile, pixels, &counts);
     if (status == RT_OK && rays) {
         rays->primary += counts.primary;
@@ -8961,14 +8961,14 @@ static void rtt_test_imp(void)
 }
 
 /* Runs a command and answers its exit status; what it says goes to a file of the loader's folder. */
-static int rtt_run(const char *arguments, char *said, size_t size)
+static int rtt_run_program(const char *program, const char *arguments, char *said, size_t size)
 {
     char command[2048];
     FILE *file;
     size_t n = 0;
     int status;
 
-    snprintf(command, sizeof command, "build/animate %s >'%s' 2>&1", arguments, loader_path("said"));
+    snprintf(command, sizeof command, "build/%s %s >'%s' 2>&1", program, arguments, loader_path("said"));
     status = system(command);
     file = fopen(loader_path("said"), "r");
     if (file)
@@ -8976,6 +8976,8 @@ static int rtt_run(const char *arguments, char *said, size_t size)
     said[n] = '\0';
     return status;
 }
+
+static int rtt_run(const char *arguments, char *said, size_t size) { return rtt_run_program("animate", arguments, said, size); }
 
 static bool rtt_same_files(const char *a, const char *b)
 {
@@ -9024,9 +9026,53 @@ static void rtt_test_animate(void)
         if (!rtt_same_files("a0006.ppm", "ab0006.ppm"))
             rtt_fail("animate %s: another frame", ways[way]);
     }
+    if (!rtt.no_gpu) {
+        snprintf(command, sizeof command, "-o '%sb' --size 40x30 --spp 2 --frames 2 --first 5 --instances 20 --quiet --gpu", base);
+        CHECK(rtt_run(command, said, sizeof said) == 0 && said[0] == '\0');
+        CHECK(rtt_same_files("a0005.ppm", "ab0005.ppm") && rtt_same_files("a0006.ppm", "ab0006.ppm"));
+    }
     CHECK(!rtt_same_files("a0005.ppm", "a0006.ppm"));
     snprintf(command, sizeof command, "-o '%sb' --size 40x30 --spp 2 --frames 1 --first 6 --instances 20 --quiet --only none", base);
     CHECK(rtt_run(command, said, sizeof said) == 0 && !rtt_same_files("a0006.ppm", "ab0006.ppm"));
+    loader_clear();
+}
+
+/* render --gpu draws what render draws; what it cannot do it says before the work. */
+static void rtt_test_gpu_programs(void)
+{
+    static const char *const scenes[] = {
+        "cornell --spp 3", "glass:2 --depth 7 --algorithm kd.shortstack --packet 8", "balls:2 --primary raster", "textures --structure threaded --seed 9",
+        "mirrors:2 --lens 0.1 --light-radius 0.4 --roughness 0.1 --filter tent --sampler independent --spp 2",
+    };
+    static const char *const bad[][2] = {
+        { "--device nowhere", "nowhere" }, { "--gpu --algorithm bvh.simd --packet 3", "packets of 3" },
+        { "--gpu --algorithm kd.stack --structure bvh", "needs structure kdtree" }, { "--gpu=1", "takes no value" },
+    };
+    char said[4096], command[2048], base[512];
+
+    if (access("build/render", X_OK) != 0)
+        return;                             /* as animate */
+    snprintf(base, sizeof base, "%s", loader_path("g"));
+    for (size_t i = 0; i < RTT_COUNT(scenes); i++) {
+        for (int gpu = 0; gpu < 2; gpu++) {
+            snprintf(command, sizeof command, "%s -o '%s%d.ppm' --size 61x43 --quiet%s", scenes[i], base, gpu, gpu ? " --gpu" : "");
+            if (gpu == 0 && strstr(command, "--packet"))
+                memset(strstr(command, "--packet"), ' ', strlen("--packet 8"));
+            if (rtt_run_program("render", command, said, sizeof said) != 0 || said[0])
+                rtt_fail("render %s: %s", command, said);
+        }
+        if (!rtt_same_files("g0.ppm", "g1.ppm"))
+            rtt_fail("render %s: another picture on the device", scenes[i]);
+    }
+    for (size_t i = 0; i < RTT_COUNT(bad); i++) {
+        snprintf(command, sizeof command, "cornell -o '%sx.ppm' --size 8x8 %s", base, bad[i][0]);
+        CHECK(rtt_run_program("render", command, said, sizeof said) != 0);
+        snprintf(command, sizeof command, "%sx.ppm", base);
+        if (!strstr(said, bad[i][1]) || access(command, F_OK) == 0)
+            rtt_fail("render %s: %s", bad[i][0], said);
+    }
+    snprintf(command, sizeof command, "cornell -o '%sx.ppm' --size 40x30 --gpu", base);
+    CHECK(rtt_run_program("render", command, said, sizeof said) == 0 && strstr(said, "device ") && strstr(said, "Mrays/s"));
     loader_clear();
 }
 
@@ -9410,7 +9456,7 @@ static void rtt_test_gpu_memory(void)
 
 #ifndef RT_NO_SHADING
 /* A picture, and of what it shows those things whose bits are set. */
-enum { RTT_SHAPES = 1, RTT_MIRRORS = 2, RTT_GLASS = 4, RTT_MOVING = 8, RTT_TEXTURES = 16, RTT_SPREAD = 32 };
+enum { RTT_SHAPES = 1, RTT_MIRRORS = 2, RTT_GLASS = 4, RTT_MOVING = 8, RTT_TEXTURES = 16, RTT_SPREAD = 32, RTT_NESTED = 64 };
 
 typedef struct {
     rtt_stage stage;
@@ -9466,8 +9512,10 @@ static void rtt_view_build(rtt_view *v, int what)
         v->child.structure = RT_BVH;
         rtt_cloud(&v->child, &random, 6, rtt_origin, 0.6f, 0.4f);
         rtt_balls(&v->child, &random, 2, rtt_origin, 0.6f, 0.2f);
-        rtt_place(&v->child, &v->inner, rtt_v(1, 0.5f, 2), rtt_v(0, 0.4f, 0));
-        rtt_set_motion(&v->child, rtt_v(0.3f, 0, 0), rtt_origin, rtt_v(0, 1, 0), 1);
+        if (what & RTT_NESTED) {
+            rtt_place(&v->child, &v->inner, rtt_v(1, 0.5f, 2), rtt_v(0, 0.4f, 0));
+            rtt_set_motion(&v->child, rtt_v(0.3f, 0, 0), rtt_origin, rtt_v(0, 1, 0), 1);
+        }
         v->child_geometry = rtt_geometry(&v->child);
         v->inner_parts[0] = &v->inner_part;
         v->part.parts = v->inner_parts, v->part.materials = stage->materials + 1, v->part.material_count = 3;
@@ -9509,7 +9557,7 @@ static void rtt_view_free(rtt_view *v)
    are rasterised. Every picture of the other tests is drawn by the program for all. */
 static void rtt_test_gpu_pictures(void)
 {
-    static const int shown[] = { 0, RTT_SHAPES | RTT_GLASS, RTT_MOVING | RTT_MIRRORS, RTT_TEXTURES | RTT_SPREAD, 63 };
+    static const int shown[] = { 0, RTT_SHAPES | RTT_GLASS, RTT_MOVING | RTT_MIRRORS, RTT_TEXTURES | RTT_SPREAD, 127 };
     static const int tiles[2][4] = { { 0, 0, 37, 29 }, { 5, 3, 30, 22 } };
     static rt_vec3 want[37 * 29];
     rt_gpu_options open;
@@ -9547,6 +9595,32 @@ static void rtt_test_gpu_pictures(void)
         }
     rt_gpu_close(gpu[0]);
     rt_gpu_close(gpu[1]);
+}
+
+/* Some pixels for every kernel of pictures: for simulators, as gpu.small. */
+static void rtt_test_gpu_small_pictures(void)
+{
+    static rt_vec3 want[7 * 5];
+
+    for (int k = 0; k < 2; k++) {
+        const int tile[4] = { 0, 0, 7, 5 };
+        rt_ray_counts rays = { 0, 0, 0, 0 };
+        rt_raster *raster = NULL;
+        rtt_view v;
+
+        rtt_view_build(&v, k ? RTT_SHAPES | RTT_GLASS : 63);
+        v.options.width = 7, v.options.height = 5, v.options.spp = 1, v.options.depth = 2;
+        CHECK_STATUS((rt_render_tile)(&v.stage.scene, &v.options, 0, 0, 7, 5, want, &rays), RT_OK);
+        CHECK(rays.shadow > 20 && rays.reflect > 2 && rays.refract > 2);
+        if (k) {
+            CHECK_STATUS(rt_raster_create(&raster, v.stage.scene.geometry, &v.stage.scene.camera, 7, 5, NULL), RT_OK);
+            v.options.raster = raster;
+        }
+        if (rtt_device.gpu)
+            rtt_compare_pictures(rtt_device.gpu, k ? "small, rasterised" : "small", &v.stage.scene, &v.options, tile, want, &rays);
+        rt_raster_free(raster);
+        rtt_view_free(&v);
+    }
 }
 
 /* Each mistake has its status and message, and pictures are right afterwards; memory ends at each allocation, the device's and the host's. */
@@ -9927,7 +10001,9 @@ static const rtt_test rtt_tests[] = {
     { "gpu.log", rtt_test_gpu_log },
     { "gpu.memory", rtt_test_gpu_memory },
 #ifndef RT_NO_SHADING
+    { "gpu.small.pictures", rtt_test_gpu_small_pictures },
     { "gpu.pictures", rtt_test_gpu_pictures },
+    { "gpu.programs", rtt_test_gpu_programs },
     { "gpu.pictures.mistakes", rtt_test_gpu_picture_mistakes },
 #endif
     { "gpu.async", rtt_test_gpu_async },
