@@ -2249,13 +2249,13 @@ static void rti_gpu_describe_scene(const rti_gpu_album *a, const rt_scene *scene
 #if RTI_SAMPLING
     for (i = 0; i < scene->light_count; i++)
         if (rti_has_size(&scene->lights[i])) there->shows |= RTI_GPU_SHOWS_LAMPS;
+    there->moves = rti_moves(scene->accel);
 #endif
     there->camera = scene->camera;
     there->ambient = scene->ambient;
     there->background = scene->background;
     there->lights = (uint32_t)(rti_gpu_where(a, scene->lights) / RTI_GPU_ALIGN);
     there->light_count = (uint32_t)scene->light_count;
-    there->moves = rti_moves(scene->accel);
     there->triangles = scene->geometry->triangle_count;
     there->spheres = rti_sphere_count(scene->geometry);
     there->instances = rti_instance_count(scene->geometry);
