@@ -1,7 +1,8 @@
 /* rt_gpu.h - rt.h on OpenCL 1.2 devices.    SPDX-License-Identifier: MIT OR Unlicense
 
-   The same traversals, primitive tests and hits, bit for bit, on a GPU, or on a CPU through PoCL. Kernels are in the program, and are compiled for
-   the scene; OpenCL is opened at run time, so nothing is linked, and a program that never calls rt_gpu_open runs where there is none.
+   The same traversals and primitive tests, hits and pictures, bit for bit, on a GPU, or on a CPU through PoCL. Kernels are in the program, and
+   are compiled for the scene; OpenCL is opened at run time, so nothing is linked, and a program that never calls rt_gpu_open runs where there
+   is none.
 
    QUICK START
 
@@ -16,6 +17,8 @@
        if (rt_gpu_upload(gpu, &there, accel, NULL) != RT_OK) return 1;
        rt_gpu_trace(gpu, there, NULL, rays, count, hits);           // as rt_trace
        rt_gpu_close(gpu);
+
+     And a picture: rt_gpu_upload_scene, then rt_gpu_render_tile, as rt_render_tile.
 
    CONTENTS (search for the tag)
 

@@ -1,8 +1,9 @@
 /* rt_gpu_kernels.cl - what rt_gpu.h runs on devices, in OpenCL C 1.2.    SPDX-License-Identifier: MIT OR Unlicense
 
    rt_gpu.h includes this file a part at a time, RTI_SHARED making strings of what stands in it, as it includes rt.h for the traversals,
-   primitive tests that both have in common: so programs carry their kernels, and need no file. A program is put together for one algorithm
-   and one scene (rti_gpu_write_program in rt_gpu.h): definitions first, then parts, in the order of their numbers there.
+   primitive tests, sampling and shading that both have in common: so programs carry their kernels, and need no file. A program is put
+   together for one scene, and for one algorithm, or for the steps of pictures (rti_gpu_write_program in rt_gpu.h): definitions first, then
+   parts, in the order of their numbers there.
 
    Instances are entered without recursion, which devices lack: all from INSTANCES to WALK stands in the program once a level of nesting,
    the innermost first, every name with the level's number (RTI_LEVEL_NAMES in rt_gpu.h). What no accel of a level has is left out.  */
