@@ -2411,6 +2411,22 @@ static rt_status rti_gpu_copy_raster(rti_gpu_picture *p, const rt_raster *raster
     return status;
 }
 
+/* Eye rays go in packets as those of RT_AUTO, and below instances as it does. */
+static rt_status rti_gpu_prepare_cover(rti_gpu_picture *p, const rt_raster *raster)
+{
+    rt_trace_options trace;
+    rti_gpu_key key;
+    rt_status status;
+    memset(&trace, 0, sizeof trace);
+    trace.error = p->error;
+    if ((status = rti_gpu_choose_program(p->gpu, p->scene->accel, &trace, &p->cover)) != RT_OK) return status;
+    key = p->cover.program->key;
+    key.kind = RTI_GPU_COVERS;
+    key.levels[0].structures = 0;
+    if ((status = rti_gpu_find_program(p->gpu, &key, &p->cover.program, p->error)) != RT_OK) return status;
+    return rti_gpu_copy_raster(p, raster);
+}
+
 /* Sets what holds for all tiles and samples, and finds the programs. */
 static rt_status rti_gpu_begin(rti_gpu_picture *p, const rt_gpu_scene *scene, const rt_render_options *opt)
 {
@@ -2463,16 +2479,9 @@ static rt_status rti_gpu_begin(rti_gpu_picture *p, const rt_gpu_scene *scene, co
     }
     trace.query = RT_CLOSEST;
     if ((status = rti_gpu_choose_program(p->gpu, scene->accel, &trace, &p->closest)) != RT_OK) return status;
-    if (opt->raster) {                      /* below instances the algorithm is the same, in packets where that serves a CPU */
-        rti_gpu_key cover = p->closest.program->key;
-        cover.kind = RTI_GPU_COVERS;
-        cover.levels[0].structures = 0;
-        p->cover = p->closest;
-        if ((status = rti_gpu_find_program(p->gpu, &cover, &p->cover.program, p->error)) != RT_OK) return status;
-        if ((status = rti_gpu_copy_raster(p, opt->raster)) != RT_OK) return status;
-    }
     trace.query = RT_ANY;
     if ((status = rti_gpu_choose_program(p->gpu, scene->accel, &trace, &p->any)) != RT_OK) return status;
+    if (opt->raster && (status = rti_gpu_prepare_cover(p, opt->raster)) != RT_OK) return status;
     return rti_gpu_find_program(p->gpu, &key, &p->steps, opt->trace.error);
 }
 
