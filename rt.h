@@ -27,7 +27,7 @@
                        >>camera-api           >>raster-api           >>texture-api       >>shading-api
        implementation  >>platform >>memory    >>math     >>layout    >>instance >>validate >>refs    >>bins    >>bvh
                        >>kdtree   >>slots     >>threaded >>build-any >>refit    >>info      >>ray      >>tiles    >>surfaces >>passes
-                       >>algorithms >>public  >>sampling >>camera   >>raster   >>texture  >>shading
+                       >>algorithms >>public  >>sampling >>camera   >>raster   >>texture  >>shading  >>render
        one pass a SIMD width (this file includes itself)  >>wide  >>boxes  >>primitives  >>traverse  >>large  >>batch  >>cover    >>shade
        license         >>license
 
@@ -4518,7 +4518,7 @@ RTI_INLINE double rti_drift(const rti_lens *lens, double reach) { return (reach 
 
 #endif
 #if RTI_IN(SHADING) && !defined(RT_NO_SHADING)
-/* What >>shading gathers from the hits of a batch and the kernels of >>shade work on: numbers of 8 surfaces side by side. */
+/* What >>render gathers from the hits of a batch and the kernels of >>shade work on: numbers of 8 surfaces side by side. */
 RTI_SHARED(
 typedef enum {
     RTI_POINT     = 0,                      /* x, y, z: where the ray ends; then where secondary rays start, in front of the surface */

@@ -169,8 +169,9 @@ RT_API rt_status rt_gpu_finish(rt_gpu *gpu, rt_error *error);
 
 typedef struct rt_gpu_scene rt_gpu_scene;   /* an rt_scene with its accel, and all parts, on a device */
 
-/* Copies scene, of which rt_check_scene must hold, with its accel, geometry, materials, textures, lights and parts, each array once. Changes
-   are not seen, but for the camera's, which rt_gpu_set_camera makes. RT_ERROR_MEMORY: it does not fit. error may be NULL. */
+/* Copies scene, of which rt_check_scene must hold, as of every part, with its accel, geometry, materials, textures, lights and parts, each
+   array once, in O(its bytes). Changes are not seen, but for the camera's, which rt_gpu_set_camera makes. RT_ERROR_ARGUMENT: an accel, a
+   geometry or a part is missing; RT_ERROR_MEMORY: it does not fit; RT_ERROR_LIMIT: it takes more than 64 GB. error may be NULL. */
 RT_API rt_status rt_gpu_upload_scene(rt_gpu *gpu, rt_gpu_scene **out, const rt_scene *scene, rt_error *error);
 RT_API void rt_gpu_free_scene(rt_gpu_scene *scene);
 RT_API void rt_gpu_set_camera(rt_gpu_scene *scene, const rt_camera *camera);
@@ -179,9 +180,9 @@ RT_API void rt_gpu_set_camera(rt_gpu_scene *scene, const rt_camera *camera);
 RT_API size_t rt_gpu_scene_bytes(const rt_gpu_scene *scene);
 
 /* As rt_render_tile, and the same picture, bit for bit. Rays are traced by any algorithm that rt_gpu_trace has, all of a sample's at once: so
-   large tiles are the fastest, the whole picture at best; it is cut up to fit the device. Of opt, trace is as for rt_gpu_trace; raster is
-   copied by each call. A tile without pixels compiles what others like it need, and no more. If the device fails on the way, pixels holds some
-   of the picture. */
+   large tiles are the fastest, the whole picture at best; it is cut up to fit the device, and what it takes there, up to 512 MB, is kept for
+   the next. Of opt, trace is as for rt_gpu_trace: stats must be NULL; raster is copied by each call. A tile without pixels compiles what others
+   like it need, and no more. If the device fails on the way, pixels holds some of the picture, and counts have not been added to rays. */
 RT_API rt_status rt_gpu_render_tile(rt_gpu *gpu, const rt_gpu_scene *scene, const rt_render_options *opt, int x0, int y0, int x1, int y1,
                                     rt_vec3 *pixels, rt_ray_counts *rays);
 
@@ -596,16 +597,49 @@ static rt_status rti_gpu_make(rt_gpu *gpu, size_t size, size_t bytes, rti_cl_ulo
     return RT_OK;
 }
 
-RT_API rt_status rt_gpu_buffer_new(rt_gpu *gpu, rt_gpu_buffer **out, size_t size, rt_error *error)
+/* Returns when it is copied. */
+static rt_status rti_gpu_send(const rti_gpu_object *to, size_t at, const void *from, size_t bytes, const char *what, rt_error *error)
+{
+    const rti_cl_int code = to->gpu->cl.EnqueueWriteBuffer(to->gpu->queue, to->mem, 1, at, bytes, from, 0, NULL, NULL);
+    return code == RTI_CL_SUCCESS ? RT_OK : rti_cl_fail(error, code, what);
+}
+
+static rt_status rti_gpu_make_buffer(rt_gpu *gpu, rt_gpu_buffer **out, size_t size, rt_error *error)
 {
     rti_gpu_object *object;
-    rt_status status;
+    const rt_status status = rti_gpu_make(gpu, sizeof **out, size, RTI_CL_READ_WRITE, &object, "a buffer", error);
+    *out = (rt_gpu_buffer *)(void *)object;
+    return status;
+}
+
+/* A buffer that calls keep for the next ones, at least so large. */
+static rt_status rti_gpu_stage(rt_gpu *gpu, rt_gpu_buffer **buffer, size_t size, rt_error *error)
+{
+    if (*buffer && (*buffer)->object.bytes >= size) return RT_OK;
+    rt_gpu_buffer_free(*buffer);
+    *buffer = NULL;
+    return rti_gpu_make_buffer(gpu, buffer, size, error);
+}
+
+/* Gives up those where bytes that a user asks for do not fit beside them. */
+static void rti_gpu_give_way(rt_gpu *gpu, size_t bytes)
+{
+    rt_gpu_buffer **const kept[] = { &gpu->rays, &gpu->hits, &gpu->times, &gpu->work };
+    size_t i;
+    if (bytes <= gpu->memory_limit - gpu->used) return;
+    for (i = 0; i < sizeof kept / sizeof kept[0]; i++) {
+        rt_gpu_buffer_free(*kept[i]);
+        *kept[i] = NULL;
+    }
+}
+
+RT_API rt_status rt_gpu_buffer_new(rt_gpu *gpu, rt_gpu_buffer **out, size_t size, rt_error *error)
+{
     if (!gpu || !out) return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", gpu ? "out" : "gpu");
     *out = NULL;
     if (!size) return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "a buffer of no bytes");
-    status = rti_gpu_make(gpu, sizeof **out, size, RTI_CL_READ_WRITE, &object, "a buffer", error);
-    *out = (rt_gpu_buffer *)(void *)object;
-    return status;
+    rti_gpu_give_way(gpu, size);
+    return rti_gpu_make_buffer(gpu, out, size, error);
 }
 
 RT_API void rt_gpu_buffer_free(rt_gpu_buffer *buffer)
@@ -624,11 +658,9 @@ static rt_status rti_gpu_range(const rt_gpu_buffer *buffer, size_t offset, const
 
 RT_API rt_status rt_gpu_write(rt_gpu_buffer *buffer, size_t offset, const void *from, size_t size, rt_error *error)
 {
-    rti_cl_int code;
-    rt_status status = rti_gpu_range(buffer, offset, from, size, error);
+    const rt_status status = rti_gpu_range(buffer, offset, from, size, error);
     if (status != RT_OK || !size) return status;
-    code = buffer->object.gpu->cl.EnqueueWriteBuffer(buffer->object.gpu->queue, buffer->object.mem, 1, offset, size, from, 0, NULL, NULL);
-    return code == RTI_CL_SUCCESS ? RT_OK : rti_cl_fail(error, code, "writing a buffer");
+    return rti_gpu_send(&buffer->object, offset, from, size, "writing a buffer", error);
 }
 
 RT_API rt_status rt_gpu_read(rt_gpu_buffer *buffer, size_t offset, void *to, size_t size, rt_error *error)
@@ -1103,12 +1135,6 @@ static bool rti_gpu_note_levels(rti_gpu_upload *u, rt_gpu_accel *there)
     return true;
 }
 
-static rt_status rti_gpu_send(rti_gpu_upload *u, rt_gpu_accel *there, size_t at, const void *from, size_t bytes, rt_error *error)
-{
-    const rti_cl_int code = u->gpu->cl.EnqueueWriteBuffer(u->gpu->queue, there->object.mem, 1, at, bytes, from, 0, NULL, NULL);
-    return code == RTI_CL_SUCCESS ? RT_OK : rti_cl_fail(error, code, "copying an accel");
-}
-
 static rt_status rti_gpu_send_parts(rti_gpu_upload *u, rt_gpu_accel *there, rt_error *error)
 {
     void *const user = u->gpu->memory_user;
@@ -1128,13 +1154,13 @@ static rt_status rti_gpu_send_parts(rti_gpu_upload *u, rt_gpu_accel *there, rt_e
                 from = copy = rti_alloc(bytes, 1, user);
                 if (!copy || !rti_gpu_convert(u, part, (rti_gpu_array)array, copy)) status = RT_ERROR_MEMORY;
             }
-            if (status == RT_OK) status = rti_gpu_send(u, there, at, from, bytes, error);
+            if (status == RT_OK) status = rti_gpu_send(&there->object, at, from, bytes, "copying an accel", error);
             else (void)rti_fail(error, status, RT_NONE, "no memory to copy an accel");
             rti_release(copy, user);
         }
     }
     if (!records) (void)rti_fail(error, status, RT_NONE, "no memory to copy an accel");
-    else if (status == RT_OK) status = rti_gpu_send(u, there, 0, records, u->accels.count * sizeof *records, error);
+    else if (status == RT_OK) status = rti_gpu_send(&there->object, 0, records, u->accels.count * sizeof *records, "copying an accel", error);
     rti_release(records, user);
     return status;
 }
@@ -1164,7 +1190,10 @@ RT_API rt_status rt_gpu_upload(rt_gpu *gpu, rt_gpu_accel **out, const rt_accel *
     }
     if (!good) status = rti_fail(error, RT_ERROR_MEMORY, RT_NONE, "no memory to copy an accel");
     else if (units > 0xffffffffu) status = rti_fail(error, RT_ERROR_LIMIT, RT_NONE, "accels of more than 256 GB together");
-    else status = rti_gpu_make(gpu, sizeof **out, (size_t)units * RTI_GPU_ALIGN, RTI_CL_READ_ONLY, &object, "an accel", error);
+    else {
+        rti_gpu_give_way(gpu, (size_t)units * RTI_GPU_ALIGN);
+        status = rti_gpu_make(gpu, sizeof **out, (size_t)units * RTI_GPU_ALIGN, RTI_CL_READ_ONLY, &object, "an accel", error);
+    }
     if (status == RT_OK) {
         rt_gpu_accel *there = (rt_gpu_accel *)(void *)object;
         there->structure = accel->structure;
@@ -1923,15 +1952,6 @@ RT_API rt_status rt_gpu_finish(rt_gpu *gpu, rt_error *error)
 
 #define RTI_GPU_BATCH ((size_t)1 << 20)     /* rays that are copied at a time */
 
-/* A buffer of its own for rt_gpu_trace, which only grows. */
-static rt_status rti_gpu_stage(rt_gpu *gpu, rt_gpu_buffer **buffer, size_t size, rt_error *error)
-{
-    if (*buffer && (*buffer)->object.bytes >= size) return RT_OK;
-    rt_gpu_buffer_free(*buffer);
-    *buffer = NULL;
-    return rt_gpu_buffer_new(gpu, buffer, size, error);
-}
-
 RT_API rt_status rt_gpu_trace(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt, const rt_ray *rays, size_t count,
                               rt_hit *hits)
 {
@@ -1976,15 +1996,19 @@ struct rt_gpu_scene {
     size_t triangles, spheres, instances;   /* of the outermost, for rasters */
 };
 
-/* An array of a scene, as long as the longest that begins there: copied as it is, or put together of count things. Textures follow their
-   materials. */
-typedef enum { RTI_GPU_AS_IT_IS, RTI_GPU_MATERIALS, RTI_GPU_LIGHTS, RTI_GPU_PARTS } rti_gpu_kind;
-typedef struct { rti_gpu_kind kind; size_t bytes, count; uint32_t at; } rti_gpu_blob;
+/* Arrays of a scene are copied as they are, or put together of things that have pointers; textures follow their materials. */
+typedef enum { RTI_GPU_AS_IT_IS, RTI_GPU_MATERIALS, RTI_GPU_LIGHTS, RTI_GPU_PARTS, RTI_GPU_CONTENTS } rti_gpu_content;
+
+/* Those of one content, each once: as long as the longest that begins there. */
+typedef struct { size_t count, bytes; uint32_t at; } rti_gpu_blob;
+typedef struct { rti_gpu_names names; rti_gpu_blob *blobs; size_t space; } rti_gpu_arrays;
 
 typedef struct {
     rt_gpu *gpu;
-    rti_gpu_names scenes, arrays;
-    rti_gpu_blob *blobs;                    /* by the number of the array */
+    rti_gpu_names scenes;
+    rti_gpu_arrays arrays[RTI_GPU_CONTENTS];
+    uint32_t shows;                         /* bits by rti_gpu_things */
+    bool shiny;                             /* something mirrors or refracts */
 } rti_gpu_album;
 
 static size_t rti_gpu_max_index(const uint32_t *indices, size_t triangles)
@@ -1995,52 +2019,88 @@ static size_t rti_gpu_max_index(const uint32_t *indices, size_t triangles)
     return most;
 }
 
-/* All scenes below, each once; most: how many arrays they have at most. */
-static bool rti_gpu_collect_scenes(rti_gpu_album *a, const rt_scene *root, size_t *most)
+static rt_status rti_gpu_no_memory(rt_error *error) { return rti_fail(error, RT_ERROR_MEMORY, RT_NONE, "no memory to copy a scene"); }
+
+/* All scenes below, each once. */
+static rt_status rti_gpu_collect_scenes(rti_gpu_album *a, const rt_scene *root, rt_error *error)
 {
     uint32_t number;
     size_t done, i;
-    bool good = rti_gpu_add(&a->scenes, root, &number);
-    *most = 1;                              /* the lights */
-    for (done = 0; good && done < a->scenes.count; done++) {
+    if (!rti_gpu_add(&a->scenes, root, &number)) return rti_gpu_no_memory(error);
+    for (done = 0; done < a->scenes.count; done++) {
         const rt_scene *scene = (const rt_scene *)a->scenes.things[done];
-        *most += 12 + 2 * scene->material_count;
-        for (i = 0; good && i < rti_instance_count(scene->geometry); i++) good = rti_gpu_add(&a->scenes, scene->parts[i], &number);
+        const rt_status status = rti_scene_lacks(scene, error);
+        if (status != RT_OK) return status;
+        for (i = 0; i < rti_instance_count(scene->geometry); i++) {
+            if (!scene->parts[i]) return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "instance %lu: its part is missing", (unsigned long)i);
+            if (!rti_gpu_add(&a->scenes, scene->parts[i], &number)) return rti_gpu_no_memory(error);
+        }
     }
-    return good;
+    return RT_OK;
 }
 
-static bool rti_gpu_add_array(rti_gpu_album *a, const void *array, rti_gpu_kind kind, size_t count, size_t size)
+/* Notes an array; *more: it is new, or longer than it was. False: no memory. */
+static bool rti_gpu_add_array(rti_gpu_album *a, rti_gpu_content content, const void *array, size_t count, size_t size, bool *more)
 {
-    rti_gpu_blob *blob;
+    rti_gpu_arrays *list = &a->arrays[content];
     uint32_t number;
+    *more = false;
     if (!array || !count) return true;
-    if (!rti_gpu_add(&a->arrays, array, &number)) return false;
-    blob = &a->blobs[number];
-    blob->kind = kind;
-    if (count > blob->count) blob->count = count;
-    if (count * size > blob->bytes) blob->bytes = count * size;
+    if (list->names.count == list->space) {
+        const size_t space = list->space ? 2 * list->space : 16;
+        rti_gpu_blob *blobs = (rti_gpu_blob *)rti_alloc(space, sizeof *blobs, a->gpu->memory_user);
+        if (!blobs) return false;
+        memset(blobs, 0, space * sizeof *blobs);
+        if (list->space) memcpy(blobs, list->blobs, list->space * sizeof *blobs);
+        rti_release(list->blobs, a->gpu->memory_user);
+        list->blobs = blobs;
+        list->space = space;
+    }
+    if (!rti_gpu_add(&list->names, array, &number)) return false;
+    if (count > list->blobs[number].count) {
+        list->blobs[number].count = count;
+        *more = true;
+    }
+    if (count * size > list->blobs[number].bytes) list->blobs[number].bytes = count * size;
     return true;
 }
 
 static bool rti_gpu_add_floats(rti_gpu_album *a, const void *array, size_t count)
 {
-    return rti_gpu_add_array(a, array, RTI_GPU_AS_IT_IS, count, sizeof(float));
+    bool more;
+    return rti_gpu_add_array(a, RTI_GPU_AS_IT_IS, array, count, sizeof(float), &more);
 }
 
 static bool rti_gpu_add_texture(rti_gpu_album *a, const rt_texture *texture)
 {
-    if (!texture || texture->kind != RT_TEXTURE_IMAGE) return true;
+    if (!texture) return true;
+    a->shows |= RTI_GPU_SHOWS_TEXTURES;
+    if (texture->kind != RT_TEXTURE_IMAGE) return true;
     return rti_gpu_add_floats(a, texture->levels, 3 * rt_count_texture_levels(texture->width, texture->height));
+}
+
+static bool rti_gpu_add_materials(rti_gpu_album *a, const rt_material *materials, size_t count)
+{
+    size_t i;
+    bool more, good = rti_gpu_add_array(a, RTI_GPU_MATERIALS, materials, count, sizeof(rti_gpu_material) + 2 * sizeof(rti_gpu_texture), &more);
+    for (i = 0; good && more && i < count; i++) {
+        const rt_material *m = &materials[i];
+        if (rti_any(m->transmit)) a->shows |= RTI_GPU_SHOWS_GLASS;
+#if RTI_SAMPLING
+        if (m->roughness > 0) a->shows |= RTI_GPU_SHOWS_ROUGHNESS;
+#endif
+        a->shiny |= rti_any(m->reflect) || rti_any(m->transmit);
+        good = rti_gpu_add_texture(a, m->texture) && rti_gpu_add_texture(a, m->bump);
+    }
+    return good;
 }
 
 static bool rti_gpu_add_arrays(rti_gpu_album *a, const rt_scene *scene)
 {
     const rt_geometry *geo = scene->geometry;
     const rti_shape shape = rti_shape_of(scene);
-    const size_t materials = scene->material_count ? scene->material_count : 1, triangles = geo->triangle_count;
-    size_t i;
-    bool good = rti_gpu_add_floats(a, shape.vertices, geo->vertex_count ? (geo->vertex_count - 1) * shape.stride + 3 : 0);
+    const size_t triangles = geo->triangle_count;
+    bool more, good = rti_gpu_add_floats(a, shape.vertices, geo->vertex_count ? (geo->vertex_count - 1) * shape.stride + 3 : 0);
     good = good && rti_gpu_add_floats(a, shape.indices, 3 * triangles);
     good = good && rti_gpu_add_floats(a, shape.colors, 3 * geo->vertex_count);
     good = good && rti_gpu_add_floats(a, shape.material_ids, triangles + rti_sphere_count(geo) + rti_plane_count(geo));
@@ -2053,28 +2113,29 @@ static bool rti_gpu_add_arrays(rti_gpu_album *a, const rt_scene *scene)
         good = good && rti_gpu_add_floats(a, shape.texcoord_indices, 3 * triangles);
     }
 #if RTI_SPHERES
-    good = good && rti_gpu_add_array(a, geo->spheres, RTI_GPU_AS_IT_IS, geo->sphere_count, sizeof *geo->spheres);
+    good = good && rti_gpu_add_array(a, RTI_GPU_AS_IT_IS, geo->spheres, geo->sphere_count, sizeof *geo->spheres, &more);
 #endif
 #if RTI_PLANES
-    good = good && rti_gpu_add_array(a, geo->planes, RTI_GPU_AS_IT_IS, geo->plane_count, sizeof *geo->planes);
+    good = good && rti_gpu_add_array(a, RTI_GPU_AS_IT_IS, geo->planes, geo->plane_count, sizeof *geo->planes, &more);
 #endif
-    good = good && rti_gpu_add_array(a, scene->parts, RTI_GPU_PARTS, rti_instance_count(geo), sizeof(int64_t));
-    good = good && rti_gpu_add_array(a, shape.materials, RTI_GPU_MATERIALS, materials, sizeof(rti_gpu_material) + 2 * sizeof(rti_gpu_texture));
-    for (i = 0; good && i < materials; i++)
-        good = rti_gpu_add_texture(a, shape.materials[i].texture) && rti_gpu_add_texture(a, shape.materials[i].bump);
-    return good;
+    if (rti_sphere_count(geo) || rti_plane_count(geo)) a->shows |= RTI_GPU_SHOWS_SHAPES;
+    if (rti_instance_count(geo)) a->shows |= RTI_GPU_SHOWS_INSTANCES;
+    good = good && rti_gpu_add_array(a, RTI_GPU_PARTS, scene->parts, rti_instance_count(geo), sizeof(int64_t), &more);
+    return good && rti_gpu_add_materials(a, shape.materials, scene->material_count ? scene->material_count : 1);
 }
 
 /* Bytes from the arena's start; 0: there is no such array. */
-static int64_t rti_gpu_where(const rti_gpu_album *a, const void *array)
+static int64_t rti_gpu_where(const rti_gpu_album *a, rti_gpu_content content, const void *array)
 {
-    const size_t at = array ? rti_gpu_place(&a->arrays, array) : 0;
-    return array && a->arrays.table[at] ? (int64_t)a->blobs[a->arrays.table[at] - 1].at * RTI_GPU_ALIGN : 0;
+    const rti_gpu_arrays *list = &a->arrays[content];
+    const size_t at = array && list->names.count ? list->names.table[rti_gpu_place(&list->names, array)] : 0;
+    return at ? (int64_t)list->blobs[at - 1].at * RTI_GPU_ALIGN : 0;
 }
 
+/* Bytes from there to an array that is copied as it is; 0: there is none. */
 static int64_t rti_gpu_distance(const rti_gpu_album *a, const void *array, int64_t from)
 {
-    const int64_t at = rti_gpu_where(a, array);
+    const int64_t at = rti_gpu_where(a, RTI_GPU_AS_IT_IS, array);
     return at ? at - from : 0;
 }
 
@@ -2089,7 +2150,7 @@ static void rti_gpu_write_shape(const rti_gpu_album *a, const rt_scene *scene, i
     to->colors = rti_gpu_distance(a, shape.colors, from);
     to->texcoords = rti_gpu_distance(a, shape.texcoords, from);
     to->texcoord_indices = to->texcoords ? rti_gpu_distance(a, shape.texcoord_indices, from) : 0;
-    to->materials = rti_gpu_distance(a, shape.materials, from);
+    to->materials = rti_gpu_where(a, RTI_GPU_MATERIALS, shape.materials) - from;       /* there are always some */
     to->material_ids = rti_gpu_distance(a, shape.material_ids, from);
 #if RTI_SPHERES
     to->spheres = rti_gpu_distance(a, shape.spheres, from);
@@ -2097,7 +2158,7 @@ static void rti_gpu_write_shape(const rti_gpu_album *a, const rt_scene *scene, i
 #if RTI_PLANES
     to->planes = rti_gpu_distance(a, shape.planes, from);
 #endif
-    to->parts = rti_gpu_distance(a, scene->parts, from);
+    if (shape.instance_count) to->parts = rti_gpu_where(a, RTI_GPU_PARTS, scene->parts) - from;
     to->stride = (uint32_t)shape.stride;
     to->triangle_count = shape.triangle_count;
     to->instance_count = shape.instance_count;
@@ -2164,39 +2225,18 @@ static void rti_gpu_write_lights(const rt_light *lights, size_t count, rti_gpu_l
     }
 }
 
-/* Pixels of a tile at most: enough to keep the device busy, few enough that a CPU's caches hold some of it; and bytes. */
-#define RTI_GPU_TILE(gpu) ((size_t)1 << ((gpu)->info.gpu ? 20 : 16))
-#define RTI_GPU_TILE_BYTES ((size_t)1 << 29)
-
-/* What a part's shapes and materials have that programs may leave out. */
-static uint32_t rti_gpu_look_through(const rt_scene *scene, bool *shiny)
-{
-    const rt_geometry *geo = scene->geometry;
-    uint32_t shows = 0;
-    size_t i;
-    if (rti_sphere_count(geo) || rti_plane_count(geo)) shows |= RTI_GPU_SHOWS_SHAPES;
-    if (rti_instance_count(geo)) shows |= RTI_GPU_SHOWS_INSTANCES;
-    for (i = 0; i < scene->material_count; i++) {
-        const rt_material *m = &scene->materials[i];
-        if (m->texture || m->bump) shows |= RTI_GPU_SHOWS_TEXTURES;
-        if (rti_any(m->transmit)) shows |= RTI_GPU_SHOWS_GLASS;
-#if RTI_SAMPLING
-        if (m->roughness > 0) shows |= RTI_GPU_SHOWS_ROUGHNESS;
-#endif
-        *shiny |= rti_any(m->reflect) || rti_any(m->transmit);
-    }
-    return shows;
-}
-
 /* Places all arrays behind the shapes; answers how many units of RTI_GPU_ALIGN all take. */
 static uint64_t rti_gpu_lay_out(rti_gpu_album *a)
 {
     uint64_t units = (a->scenes.count * sizeof(rti_gpu_shape) + RTI_GPU_ALIGN - 1) / RTI_GPU_ALIGN;
     size_t i;
-    for (i = 0; i < a->arrays.count; i++) {
-        a->blobs[i].at = (uint32_t)units;
-        units += (a->blobs[i].bytes + RTI_GPU_ALIGN - 1) / RTI_GPU_ALIGN;
-    }
+    int content;
+    for (content = 0; content < RTI_GPU_CONTENTS; content++)
+        for (i = 0; i < a->arrays[content].names.count; i++) {
+            rti_gpu_blob *blob = &a->arrays[content].blobs[i];
+            blob->at = (uint32_t)units;
+            units += (blob->bytes + RTI_GPU_ALIGN - 1) / RTI_GPU_ALIGN;
+        }
     return units;
 }
 
@@ -2208,47 +2248,51 @@ static void rti_gpu_write_parts(const rti_gpu_album *a, const rt_scene *const *p
         to[i] = (int64_t)(rti_gpu_number_of(&a->scenes, parts[i]) * sizeof(rti_gpu_shape)) - (start + (int64_t)(i * sizeof *to));
 }
 
-static rt_status rti_gpu_send_array(const rti_gpu_album *a, rt_gpu_scene *there, size_t number, rt_error *error)
+static rt_status rti_gpu_send_array(const rti_gpu_album *a, rt_gpu_scene *there, rti_gpu_content content, size_t number, rt_error *error)
 {
-    const rti_gpu_blob *blob = &a->blobs[number];
-    const void *const array = a->arrays.things[number], *from = array;
+    const rti_gpu_blob *blob = &a->arrays[content].blobs[number];
+    const void *const array = a->arrays[content].names.things[number], *from = array;
     const int64_t start = (int64_t)blob->at * RTI_GPU_ALIGN;
     char *staged = NULL;
-    rti_cl_int code;
-    if (blob->kind != RTI_GPU_AS_IT_IS) {
+    rt_status status;
+    if (content != RTI_GPU_AS_IT_IS) {
         from = staged = (char *)rti_alloc(blob->bytes, 1, a->gpu->memory_user);
-        if (!staged) return rti_fail(error, RT_ERROR_MEMORY, RT_NONE, "no memory to copy a scene");
+        if (!staged) return rti_gpu_no_memory(error);
     }
-    if (blob->kind == RTI_GPU_MATERIALS) rti_gpu_write_materials(a, (const rt_material *)array, blob->count, start, staged);
-    if (blob->kind == RTI_GPU_LIGHTS) rti_gpu_write_lights((const rt_light *)array, blob->count, (rti_gpu_light *)(void *)staged);
-    if (blob->kind == RTI_GPU_PARTS) rti_gpu_write_parts(a, (const rt_scene *const *)array, blob->count, start, (int64_t *)(void *)staged);
-    code = a->gpu->cl.EnqueueWriteBuffer(a->gpu->queue, there->object.mem, 1, (size_t)start, blob->bytes, from, 0, NULL, NULL);
+    if (content == RTI_GPU_MATERIALS) rti_gpu_write_materials(a, (const rt_material *)array, blob->count, start, staged);
+    if (content == RTI_GPU_LIGHTS) rti_gpu_write_lights((const rt_light *)array, blob->count, (rti_gpu_light *)(void *)staged);
+    if (content == RTI_GPU_PARTS) rti_gpu_write_parts(a, (const rt_scene *const *)array, blob->count, start, (int64_t *)(void *)staged);
+    status = rti_gpu_send(&there->object, (size_t)start, from, blob->bytes, "copying a scene", error);
     rti_release(staged, a->gpu->memory_user);
-    return code == RTI_CL_SUCCESS ? RT_OK : rti_cl_fail(error, code, "copying a scene");
+    return status;
 }
 
 static rt_status rti_gpu_send_scene(const rti_gpu_album *a, rt_gpu_scene *there, rt_error *error)
 {
     const size_t bytes = a->scenes.count * sizeof(rti_gpu_shape);
     rti_gpu_shape *shapes = (rti_gpu_shape *)rti_alloc(bytes, 1, a->gpu->memory_user);
-    rti_cl_int code;
-    rt_status status = RT_OK;
+    rt_status status;
     size_t i;
-    if (!shapes) return rti_fail(error, RT_ERROR_MEMORY, RT_NONE, "no memory to copy a scene");
+    int content;
+    if (!shapes) return rti_gpu_no_memory(error);
     for (i = 0; i < a->scenes.count; i++)
         rti_gpu_write_shape(a, (const rt_scene *)a->scenes.things[i], (int64_t)(i * sizeof *shapes), &shapes[i]);
-    code = a->gpu->cl.EnqueueWriteBuffer(a->gpu->queue, there->object.mem, 1, 0, bytes, shapes, 0, NULL, NULL);
-    if (code != RTI_CL_SUCCESS) status = rti_cl_fail(error, code, "copying a scene");
+    status = rti_gpu_send(&there->object, 0, shapes, bytes, "copying a scene", error);
     rti_release(shapes, a->gpu->memory_user);
-    for (i = 0; i < a->arrays.count && status == RT_OK; i++) status = rti_gpu_send_array(a, there, i, error);
+    for (content = 0; content < RTI_GPU_CONTENTS; content++)
+        for (i = 0; i < a->arrays[content].names.count && status == RT_OK; i++)
+            status = rti_gpu_send_array(a, there, (rti_gpu_content)content, i, error);
     return status;
 }
 
 /* What is the same for all pictures of a scene. */
 static void rti_gpu_describe_scene(const rti_gpu_album *a, const rt_scene *scene, rt_gpu_scene *there)
 {
+#if RTI_SAMPLING
     size_t i;
-    for (i = 0; i < a->scenes.count; i++) there->shows |= rti_gpu_look_through((const rt_scene *)a->scenes.things[i], &there->shiny);
+#endif
+    there->shows = a->shows;
+    there->shiny = a->shiny;
 #if RTI_SAMPLING
     for (i = 0; i < scene->light_count; i++)
         if (rti_has_size(&scene->lights[i])) there->shows |= RTI_GPU_SHOWS_LAMPS;
@@ -2257,11 +2301,21 @@ static void rti_gpu_describe_scene(const rti_gpu_album *a, const rt_scene *scene
     there->camera = scene->camera;
     there->ambient = scene->ambient;
     there->background = scene->background;
-    there->lights = (uint32_t)(rti_gpu_where(a, scene->lights) / RTI_GPU_ALIGN);
+    there->lights = (uint32_t)(rti_gpu_where(a, RTI_GPU_LIGHTS, scene->lights) / RTI_GPU_ALIGN);
     there->light_count = (uint32_t)scene->light_count;
     there->triangles = scene->geometry->triangle_count;
     there->spheres = rti_sphere_count(scene->geometry);
     there->instances = rti_instance_count(scene->geometry);
+}
+
+static void rti_gpu_close_album(rti_gpu_album *a)
+{
+    int content;
+    rti_gpu_forget(&a->scenes);
+    for (content = 0; content < RTI_GPU_CONTENTS; content++) {
+        rti_gpu_forget(&a->arrays[content].names);
+        rti_release(a->arrays[content].blobs, a->gpu->memory_user);
+    }
 }
 
 RT_API rt_status rt_gpu_upload_scene(rt_gpu *gpu, rt_gpu_scene **out, const rt_scene *scene, rt_error *error)
@@ -2270,26 +2324,28 @@ RT_API rt_status rt_gpu_upload_scene(rt_gpu *gpu, rt_gpu_scene **out, const rt_s
     rti_gpu_object *object = NULL;
     rt_gpu_accel *accel = NULL;
     rt_status status;
-    uint64_t units = 0;
-    size_t most, i;
-    bool good;
+    uint64_t units;
+    size_t i;
+    bool more, good;
     if (!gpu || !out || !scene) return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", !gpu ? "gpu" : out ? "scene" : "out");
     *out = NULL;
-    if ((status = rti_scene_lacks(scene, error)) != RT_OK) return status;
     memset(&a, 0, sizeof a);
     a.gpu = gpu;
-    a.scenes.user = a.arrays.user = gpu->memory_user;
-    good = rti_gpu_collect_scenes(&a, scene, &most);
-    if (good) a.blobs = (rti_gpu_blob *)rti_alloc(most, sizeof *a.blobs, gpu->memory_user);
-    if (a.blobs) memset(a.blobs, 0, most * sizeof *a.blobs);
-    good = a.blobs && rti_gpu_add_array(&a, scene->lights, RTI_GPU_LIGHTS, scene->light_count, sizeof(rti_gpu_light));
-    for (i = 0; i < a.scenes.count && good; i++) good = rti_gpu_add_arrays(&a, (const rt_scene *)a.scenes.things[i]);
-    if (good) units = rti_gpu_lay_out(&a);
-    if (!good) status = rti_fail(error, RT_ERROR_MEMORY, RT_NONE, "no memory to copy a scene");
-    else if (units > 0x3fffffffu) status = rti_fail(error, RT_ERROR_LIMIT, RT_NONE, "a scene of more than 64 GB");
-    else status = rt_gpu_upload(gpu, &accel, scene->accel, error);
-    if (status == RT_OK)
+    a.scenes.user = gpu->memory_user;
+    for (i = 0; i < RTI_GPU_CONTENTS; i++) a.arrays[i].names.user = gpu->memory_user;
+    status = rti_gpu_collect_scenes(&a, scene, error);
+    if (status == RT_OK) {
+        good = rti_gpu_add_array(&a, RTI_GPU_LIGHTS, scene->lights, scene->light_count, sizeof(rti_gpu_light), &more);
+        for (i = 0; i < a.scenes.count && good; i++) good = rti_gpu_add_arrays(&a, (const rt_scene *)a.scenes.things[i]);
+        if (!good) status = rti_gpu_no_memory(error);
+    }
+    units = rti_gpu_lay_out(&a);
+    if (status == RT_OK && units > 0x3fffffffu) status = rti_fail(error, RT_ERROR_LIMIT, RT_NONE, "a scene of more than 64 GB");
+    if (status == RT_OK) status = rt_gpu_upload(gpu, &accel, scene->accel, error);
+    if (status == RT_OK) {
+        rti_gpu_give_way(gpu, (size_t)units * RTI_GPU_ALIGN);
         status = rti_gpu_make(gpu, sizeof **out, (size_t)units * RTI_GPU_ALIGN, RTI_CL_READ_ONLY, &object, "a scene", error);
+    }
     if (status == RT_OK) {
         rt_gpu_scene *there = (rt_gpu_scene *)(void *)object;
         there->accel = accel;
@@ -2299,9 +2355,7 @@ RT_API rt_status rt_gpu_upload_scene(rt_gpu *gpu, rt_gpu_scene **out, const rt_s
         else rti_gpu_drop(object);
     }
     if (status != RT_OK) rt_gpu_free(accel);
-    rti_release(a.blobs, gpu->memory_user);
-    rti_gpu_forget(&a.scenes);
-    rti_gpu_forget(&a.arrays);
+    rti_gpu_close_album(&a);
     return status;
 }
 
@@ -2359,60 +2413,65 @@ static bool rti_gpu_raster_fits(const rt_raster *r, const rt_gpu_scene *scene, c
     return rti_raster_fits(r, &geo, &scene->camera, opt->width, opt->height);
 }
 
+/* The device's copies of both. */
+typedef char rti_check_raster_span[sizeof(rti_gpu_span) == sizeof(rti_span) ? 1 : -1];
+typedef char rti_check_raster_levels[RTI_MAX_LEVELS == 17 ? 1 : -1];
+
+static void rti_gpu_write_raster(const rt_raster *raster, const rt_gpu_scene *scene, const size_t at[5], rti_gpu_raster *head)
+{
+    int i;
+    memset(head, 0, sizeof *head);
+    head->level_count = (uint32_t)raster->level_count;
+    for (i = 0; i < raster->level_count; i++) {
+        head->shifts[i] = (uint32_t)raster->levels[i].shift;
+        head->columns[i] = (uint32_t)raster->levels[i].columns;
+        head->firsts[i] = raster->levels[i].first;
+    }
+    head->triangle_count = (uint32_t)scene->triangles;
+    head->solid_count = (uint32_t)(scene->triangles + scene->spheres);
+    head->spans = (uint32_t)at[1];
+    head->starts = (uint32_t)at[2];
+    head->entries = (uint32_t)at[3];
+    head->slots = (uint32_t)at[4];
+}
+
 /* Copies what tiles list, and has the device find where that is in the accel. */
 static rt_status rti_gpu_copy_raster(rti_gpu_picture *p, const rt_raster *raster)
 {
-    const rt_gpu *gpu = p->gpu;
+    void *const user = p->gpu->memory_user;
     const rt_gpu_scene *scene = p->scene;
-    const size_t prims = scene->triangles + scene->spheres + scene->instances, tiles = raster->info.tiles;
-    const size_t bytes[5] = { sizeof(rti_gpu_raster), prims * sizeof(rti_span), (tiles + 1) * sizeof(uint32_t),
+    const size_t prims = scene->triangles + scene->spheres + scene->instances;
+    const size_t bytes[5] = { sizeof(rti_gpu_raster), prims * sizeof(rti_span), (raster->info.tiles + 1) * sizeof(uint32_t),
                               raster->info.entries * sizeof(uint32_t), prims * sizeof(uint32_t) };
+    const void *from[5] = { NULL, raster->spans, raster->starts, raster->entries, NULL };
     rti_gpu_raster head;
-    const void *from[5];
-    uint32_t *none = (uint32_t *)rti_alloc(prims ? prims : 1, sizeof *none, gpu->memory_user);
     size_t at[5], units = 0, i;
-    rti_cl_int code = RTI_CL_SUCCESS;
-    rt_status status = RT_OK;
-    if (!none) return rti_fail(p->error, RT_ERROR_MEMORY, RT_NONE, "no memory to copy a raster");
-    memset(none, 0xff, prims * sizeof *none);       /* RT_NONE */
-    from[0] = &head;
-    from[1] = raster->spans;
-    from[2] = raster->starts;
-    from[3] = raster->entries;
-    from[4] = none;
+    uint32_t *none;                         /* slots, before they are found */
+    rt_status status;
     for (i = 0; i < 5; i++) {
         at[i] = units;
         units += (bytes[i] + RTI_GPU_ALIGN - 1) / RTI_GPU_ALIGN;
     }
-    memset(&head, 0, sizeof head);
-    head.level_count = (uint32_t)raster->level_count;
-    for (i = 0; i < head.level_count; i++) {
-        head.shifts[i] = (uint32_t)raster->levels[i].shift;
-        head.columns[i] = (uint32_t)raster->levels[i].columns;
-        head.firsts[i] = raster->levels[i].first;
-    }
-    head.triangle_count = (uint32_t)scene->triangles;
-    head.solid_count = (uint32_t)(scene->triangles + scene->spheres);
-    head.spans = (uint32_t)at[1];
-    head.starts = (uint32_t)at[2];
-    head.entries = (uint32_t)at[3];
-    head.slots = (uint32_t)at[4];
     status = rti_gpu_make(p->gpu, sizeof *p->raster, units * RTI_GPU_ALIGN, RTI_CL_READ_WRITE, &p->raster, "a raster", p->error);
-    for (i = 0; i < 5 && status == RT_OK; i++) {
-        if (!bytes[i]) continue;
-        code = gpu->cl.EnqueueWriteBuffer(gpu->queue, p->raster->mem, 1, at[i] * RTI_GPU_ALIGN, bytes[i], from[i], 0, NULL, NULL);
-        if (code != RTI_CL_SUCCESS) status = rti_cl_fail(p->error, code, "copying a raster");
-    }
-    rti_release(none, gpu->memory_user);
+    if (status != RT_OK) return status;
+    none = (uint32_t *)rti_alloc(prims ? prims : 1, sizeof *none, user);
+    if (!none) return rti_fail(p->error, RT_ERROR_MEMORY, RT_NONE, "no memory to copy a raster");
+    memset(none, 0xff, prims * sizeof *none);               /* RT_NONE */
+    rti_gpu_write_raster(raster, scene, at, &head);
+    from[0] = &head;
+    from[4] = none;
+    for (i = 0; i < 5 && status == RT_OK; i++)
+        if (bytes[i]) status = rti_gpu_send(p->raster, at[i] * RTI_GPU_ALIGN, from[i], bytes[i], "copying a raster", p->error);
+    rti_release(none, user);
     if (status == RT_OK && prims) {
         const rti_gpu_argument arguments[] = { { sizeof(rti_cl), &scene->accel->object.mem }, { sizeof(rti_cl), &p->raster->mem } };
-        status = rti_gpu_run(gpu, p->cover.program->kernels[1], arguments, 2, prims, p->error);
+        status = rti_gpu_run(p->gpu, p->cover.program->kernels[1], arguments, 2, prims, p->error);
     }
     return status;
 }
 
 /* Eye rays go in packets as those of RT_AUTO, and below instances as it does. */
-static rt_status rti_gpu_prepare_cover(rti_gpu_picture *p, const rt_raster *raster)
+static rt_status rti_gpu_choose_cover(rti_gpu_picture *p)
 {
     rt_trace_options trace;
     rti_gpu_key key;
@@ -2423,18 +2482,15 @@ static rt_status rti_gpu_prepare_cover(rti_gpu_picture *p, const rt_raster *rast
     key = p->cover.program->key;
     key.kind = RTI_GPU_COVERS;
     key.levels[0].structures = 0;
-    if ((status = rti_gpu_find_program(p->gpu, &key, &p->cover.program, p->error)) != RT_OK) return status;
-    return rti_gpu_copy_raster(p, raster);
+    return rti_gpu_find_program(p->gpu, &key, &p->cover.program, p->error);
 }
 
-/* Sets what holds for all tiles and samples, and finds the programs. */
-static rt_status rti_gpu_begin(rti_gpu_picture *p, const rt_gpu_scene *scene, const rt_render_options *opt)
+/* What holds for all tiles and samples. */
+static void rti_gpu_set_frame(rti_gpu_picture *p, const rt_render_options *opt)
 {
-    rt_trace_options trace = opt->trace;
+    const rt_gpu_scene *scene = p->scene;
     rti_gpu_frame *f = &p->frame;
     rti_film film;
-    rti_gpu_key key;
-    rt_status status;
     memset(&film, 0, sizeof film);
     film.view = rti_make_view(&scene->camera, opt->width, opt->height);
     f->view[0] = film.view.eye;
@@ -2463,26 +2519,32 @@ static rt_status rti_gpu_begin(rti_gpu_picture *p, const rt_gpu_scene *scene, co
     f->timed = film.timed;
     f->spread = film.spread;
 #endif
+}
+
+static rt_status rti_gpu_find_programs(rti_gpu_picture *p, const rt_render_options *opt)
+{
+    const rti_gpu_frame *f = &p->frame;
+    rt_trace_options trace = opt->trace;
+    rti_gpu_key key;
+    rt_status status;
+    trace.query = RT_CLOSEST;
+    if ((status = rti_gpu_choose_program(p->gpu, p->scene->accel, &trace, &p->closest)) != RT_OK) return status;
+    trace.query = RT_ANY;
+    if ((status = rti_gpu_choose_program(p->gpu, p->scene->accel, &trace, &p->any)) != RT_OK) return status;
+    if (opt->raster && (status = rti_gpu_choose_cover(p)) != RT_OK) return status;
     memset(&key, 0, sizeof key);
     key.kind = RTI_GPU_FRAMES;
     key.width = 1;
-    key.shows = scene->shows;
-    if (p->gpu->general) {
-        key.general = 1;
-        key.shows = RTI_GPU_SHOWS_ALL;
-    } else {
+    key.general = p->gpu->general;
+    key.shows = p->gpu->general ? RTI_GPU_SHOWS_ALL : p->scene->shows;
+    if (!p->gpu->general) {
         key.sampler = f->sampler;
         key.filter = f->filter;
         key.lens_open = f->lens_open;
         key.timed = f->timed;
         key.spread = f->spread;
     }
-    trace.query = RT_CLOSEST;
-    if ((status = rti_gpu_choose_program(p->gpu, scene->accel, &trace, &p->closest)) != RT_OK) return status;
-    trace.query = RT_ANY;
-    if ((status = rti_gpu_choose_program(p->gpu, scene->accel, &trace, &p->any)) != RT_OK) return status;
-    if (opt->raster && (status = rti_gpu_prepare_cover(p, opt->raster)) != RT_OK) return status;
-    return rti_gpu_find_program(p->gpu, &key, &p->steps, opt->trace.error);
+    return rti_gpu_find_program(p->gpu, &key, &p->steps, p->error);
 }
 
 /* Bytes of a tile's memory beside rays, hits and times: rti_work. */
@@ -2492,34 +2554,49 @@ static size_t rti_gpu_work_bytes(const rti_gpu_frame *f)
     return RTI_GPU_ALIGN + f->space * (sizeof(rti_gpu_pixel) + 2 * sizeof(rti_gpu_path) + RTI_GPU_SURFACE * sizeof(float) + waiting);
 }
 
-/* Memory for tiles of at most that many pixels: fewer, where they would not fit. */
+/* Pixels of a tile at most: enough to keep the device busy, few enough that a CPU's caches hold some of it; and bytes. */
+#define RTI_GPU_TILE(gpu) ((size_t)1 << ((gpu)->info.gpu ? 20 : 16))
+#define RTI_GPU_TILE_BYTES ((size_t)1 << 29)
+
+static rt_status rti_gpu_stage_tile(rt_gpu *gpu, const rti_gpu_frame *f, rt_error *error)
+{
+    rt_status status = rti_gpu_stage(gpu, &gpu->rays, f->space * sizeof(rt_ray), error);
+    if (status == RT_OK) status = rti_gpu_stage(gpu, &gpu->hits, f->space * sizeof(rt_hit), error);
+    if (status == RT_OK) status = rti_gpu_stage(gpu, &gpu->times, f->space * sizeof(float), error);
+    return status == RT_OK ? rti_gpu_stage(gpu, &gpu->work, rti_gpu_work_bytes(f), error) : status;
+}
+
+/* Memory for tiles of at most that many pixels: fewer, where they would take more than half of what is left. */
 static rt_status rti_gpu_make_room(rti_gpu_picture *p, size_t pixels)
 {
     rt_gpu *gpu = p->gpu;
-    size_t left = gpu->memory_limit - gpu->used, ours = 0, each, most;
+    rti_gpu_frame *f = &p->frame;
+    size_t left = gpu->memory_limit - gpu->used, each, most;
     rt_status status;
-    if (gpu->rays) ours += gpu->rays->object.bytes;
-    if (gpu->hits) ours += gpu->hits->object.bytes;
-    if (gpu->times) ours += gpu->times->object.bytes;
-    if (gpu->work) ours += gpu->work->object.bytes;
-    left = (left + ours) / 2;
+    if (gpu->rays) left += gpu->rays->object.bytes;
+    if (gpu->hits) left += gpu->hits->object.bytes;
+    if (gpu->times) left += gpu->times->object.bytes;
+    if (gpu->work) left += gpu->work->object.bytes;
+    left /= 2;
     if (left > gpu->info.largest) left = (size_t)gpu->info.largest;
     if (left > RTI_GPU_TILE_BYTES) left = RTI_GPU_TILE_BYTES;
-    p->frame.space = 1;
-    each = rti_gpu_work_bytes(&p->frame) + sizeof(rt_ray) + sizeof(rt_hit) + sizeof(float);
+    f->space = 1;
+    each = rti_gpu_work_bytes(f) - RTI_GPU_ALIGN + sizeof(rt_ray) + sizeof(rt_hit) + sizeof(float);
     most = left / each;
     if (most > RTI_GPU_TILE(gpu)) most = RTI_GPU_TILE(gpu);
     if (pixels > most) pixels = most ? most : 1;
-    p->frame.space = (uint32_t)(pixels + 63) / 32 * 32;    /* not a power of 2: numbers of a surface would share a line of the cache */
-    if ((status = rti_gpu_stage(gpu, &gpu->rays, p->frame.space * sizeof(rt_ray), p->error)) != RT_OK) return status;
-    if ((status = rti_gpu_stage(gpu, &gpu->hits, p->frame.space * sizeof(rt_hit), p->error)) != RT_OK) return status;
-    if ((status = rti_gpu_stage(gpu, &gpu->times, p->frame.space * sizeof(float), p->error)) != RT_OK) return status;
-    if ((status = rti_gpu_stage(gpu, &gpu->work, rti_gpu_work_bytes(&p->frame), p->error)) != RT_OK) return status;
+    f->space = (uint32_t)(pixels + 63) / 32 * 32;           /* not a power of 2: numbers of a surface would share a line of the cache */
+    status = rti_gpu_stage_tile(gpu, f, NULL);
+    if (status != RT_OK) {                  /* what was kept may be large where little is asked for now */
+        rti_gpu_give_way(gpu, SIZE_MAX);
+        status = rti_gpu_stage_tile(gpu, f, p->error);
+    }
+    if (status != RT_OK) return status;
     p->buffers[0] = gpu->rays->object.mem;
     p->buffers[1] = gpu->hits->object.mem;
-    p->buffers[2] = p->frame.timed ? gpu->times->object.mem : NULL;
-    p->pixels = (rti_gpu_pixel *)rti_alloc(p->frame.space, sizeof *p->pixels, gpu->memory_user);
-    return p->pixels ? RT_OK : rti_fail(p->error, RT_ERROR_MEMORY, RT_NONE, "no memory for a tile of %u pixels", (unsigned)p->frame.space);
+    p->buffers[2] = f->timed ? gpu->times->object.mem : NULL;
+    p->pixels = (rti_gpu_pixel *)rti_alloc(f->space, sizeof *p->pixels, gpu->memory_user);
+    return p->pixels ? RT_OK : rti_fail(p->error, RT_ERROR_MEMORY, RT_NONE, "no memory for a tile of %u pixels", (unsigned)f->space);
 }
 
 /* A step for count rays. turn: which paths are theirs; number: of a light. */
@@ -2582,7 +2659,7 @@ static rt_status rti_gpu_render_sample(rti_gpu_picture *p, int sample)
         if (status == RT_OK) status = rt_gpu_read(p->gpu->work, 0, &count, sizeof count, p->error);
         turn ^= 1;
     }
-    return status;
+    return status == RT_OK && !f->depth ? rt_gpu_finish(p->gpu, p->error) : status;     /* no reads have done so: queues would grow */
 }
 
 static rt_status rti_gpu_render_part(rti_gpu_picture *p, const int box[4], int width, rt_vec3 *pixels)
@@ -2608,13 +2685,29 @@ static rt_status rti_gpu_render_part(rti_gpu_picture *p, const int box[4], int w
     return status;
 }
 
+/* All of a tile: in parts that there is room for, as wide as can be. */
+static rt_status rti_gpu_render_parts(rti_gpu_picture *p, const int tile[4], int width, rt_vec3 *pixels)
+{
+    const uint32_t across = (uint32_t)(tile[2] - tile[0]), columns = across < p->frame.space ? across : p->frame.space;
+    const int most = (int)(p->frame.space / columns);
+    rt_status status = RT_OK;
+    int box[4];
+    for (box[1] = tile[1]; box[1] < tile[3] && status == RT_OK; box[1] = box[3]) {
+        box[3] = tile[3] - box[1] > most ? box[1] + most : tile[3];
+        for (box[0] = tile[0]; box[0] < tile[2] && status == RT_OK; box[0] = box[2]) {
+            box[2] = tile[2] - box[0] > (int)columns ? box[0] + (int)columns : tile[2];
+            status = rti_gpu_render_part(p, box, width, pixels);
+        }
+    }
+    return status;
+}
+
 RT_API rt_status rt_gpu_render_tile(rt_gpu *gpu, const rt_gpu_scene *scene, const rt_render_options *opt, int x0, int y0, int x1, int y1,
                                     rt_vec3 *pixels, rt_ray_counts *rays)
 {
     const int tile[4] = { x0, y0, x1, y1 };
     rti_gpu_picture p;
     rt_status status;
-    int box[4], columns, rows;
     if (!opt) return RT_ERROR_ARGUMENT;
     if (!gpu || !scene || !pixels)
         return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", !gpu ? "gpu" : scene ? "pixels" : "scene");
@@ -2629,16 +2722,11 @@ RT_API rt_status rt_gpu_render_tile(rt_gpu *gpu, const rt_gpu_scene *scene, cons
     p.scene = scene;
     p.spp = opt->spp ? opt->spp : 1;
     p.error = opt->trace.error;
-    status = rti_gpu_begin(&p, scene, opt);
-    if (status == RT_OK && x0 < x1 && y0 < y1) status = rti_gpu_make_room(&p, (size_t)(x1 - x0) * (size_t)(y1 - y0));
-    if (status != RT_OK) p.frame.space = 1;
-    columns = (uint32_t)(x1 - x0) < p.frame.space ? x1 - x0 : (int)p.frame.space;
-    rows = (int)(p.frame.space / (uint32_t)columns);
-    for (box[1] = y0; box[1] < y1 && status == RT_OK; box[1] = box[3])
-        for (box[3] = y1 - box[1] > rows ? box[1] + rows : y1, box[0] = x0; box[0] < x1 && status == RT_OK; box[0] = box[2]) {
-            box[2] = x1 - box[0] > columns ? box[0] + columns : x1;
-            status = rti_gpu_render_part(&p, box, opt->width, pixels);
-        }
+    rti_gpu_set_frame(&p, opt);
+    if ((status = rti_gpu_find_programs(&p, opt)) != RT_OK || x0 == x1 || y0 == y1) return status;
+    if (opt->raster) status = rti_gpu_copy_raster(&p, opt->raster);
+    if (status == RT_OK) status = rti_gpu_make_room(&p, (size_t)(x1 - x0) * (size_t)(y1 - y0));
+    if (status == RT_OK) status = rti_gpu_render_parts(&p, tile, opt->width, pixels);
     rti_release(p.pixels, gpu->memory_user);
     if (p.raster) rti_gpu_drop(p.raster);
     if (rays && status == RT_OK) {

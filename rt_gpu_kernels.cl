@@ -69,6 +69,7 @@ typedef char rti_check_compact[sizeof(rti_gpu_compact) == 128 ? 1 : -1];
 "#define RTI_FMA 0\n"
 "#endif\n"
 "#define RTI_INLINE RTI_FN\n"
+"#define RTI_GROUP __attribute__((reqd_work_group_size(64, 1, 1)))\n"
 "#define RTI_TARGET\n"
 "#define RTI_GLOBAL __global\n"
 "#define RTI_UNLIKELY(x) (x)\n"
@@ -240,7 +241,7 @@ typedef RTI_VECTOR(double) rti_d;
 
 RTI_SHARED(
 RTI_FN unsigned rti_signs16(int16 a) { return rti_signs8(a.lo) | rti_signs8(a.hi) << 8; }
-RTI_FN RTI_VECTOR(int) rti_spread(unsigned lanes)
+RTI_FN RTI_VECTOR(int) rti_spread_lanes(unsigned lanes)
 {
     const RTI_VECTOR(int) bits = RTI_LANE_BITS;
     return ((RTI_VECTOR(int))((int)lanes) & bits) != 0;
@@ -254,12 +255,12 @@ RTI_FN void rti_vstore(float *p, rti_v a) { RTI_VECTOR(vstore)(a, 0, p); }
 RTI_FN unsigned rti_vlt(rti_v a, rti_v b) { return RTI_VECTOR(rti_signs)(a < b); }
 RTI_FN unsigned rti_vle(rti_v a, rti_v b) { return RTI_VECTOR(rti_signs)(a <= b); }
 RTI_FN unsigned rti_vnegative(rti_v a) { return RTI_VECTOR(rti_signs)(RTI_VECTOR(as_int)(a)); }
-RTI_FN rti_v rti_vselect(unsigned lanes, rti_v a, rti_v b) { return rti_spread(lanes) ? a : b; }
+RTI_FN rti_v rti_vselect(unsigned lanes, rti_v a, rti_v b) { return rti_spread_lanes(lanes) ? a : b; }
 RTI_FN rti_d rti_dset(double x) { return (rti_d)(x); }
 RTI_FN rti_d rti_dload(const double *p) { return RTI_VECTOR(vload)(0, p); }
 RTI_FN void rti_dstore(double *p, rti_d a) { RTI_VECTOR(vstore)(a, 0, p); }
 RTI_FN unsigned rti_dlt(rti_d a, rti_d b) { return RTI_VECTOR(rti_signs)(RTI_VECTOR(convert_int)(a < b)); }
-RTI_FN rti_d rti_dselect(unsigned lanes, rti_d a, rti_d b) { return RTI_VECTOR(convert_long)(rti_spread(lanes)) ? a : b; }
+RTI_FN rti_d rti_dselect(unsigned lanes, rti_d a, rti_d b) { return RTI_VECTOR(convert_long)(rti_spread_lanes(lanes)) ? a : b; }
 RTI_FN rti_d rti_widen(rti_v a) { return RTI_VECTOR(convert_double)(a); }
 RTI_FN rti_v rti_narrow(rti_d a) { return RTI_VECTOR(convert_float)(a); }
 )
@@ -568,7 +569,7 @@ RTI_CALL void rti_trace_packet(const RTI_GLOBAL char *arena, const RTI_GLOBAL rt
 
 /* Work-item i: the rays from i * RTI_WIDTH on, of count from base on. A program for one algorithm has it as a constant. */
 RTI_SHARED(
-__kernel void rt_gpu_trace(__global const char *arena, __global const rt_ray *rays, __global rt_hit *hits, __global const float *times,
+__kernel RTI_GROUP void rt_gpu_trace(__global const char *arena, __global const rt_ray *rays, __global rt_hit *hits, __global const float *times,
                            ulong base, ulong count, int algorithm, int entries)
 {
     const size_t first = get_global_id(0) * RTI_WIDTH;
@@ -616,7 +617,8 @@ typedef struct {
     uint32_t depth, space, waiting;         /* pixels that there is room for, and for how many rays that wait for each of them */
     uint32_t lights;                        /* where they are, as the arrays of an accel */
 } rti_gpu_frame;
-typedef struct { rt_vec3 sum; uint32_t waiting, shadow, reflect, refract; } rti_gpu_pixel;              /* rays that wait; and were sent */
+typedef struct { rt_vec3 sum; uint32_t waiting, shadow, reflect, refract; } rti_gpu_pixel;              /* rays that wait; and were sent,
+                                                                                                           2^32 at most */
 typedef struct { rt_vec3 weight; uint32_t pixel, medium, level, branch; float width, time; } rti_gpu_path;     /* rti_path; medium as lights */
 typedef struct { float lo[2], hi[2], depth; } rti_gpu_span;
 typedef struct {                            /* rt_raster: see rti_span and rti_level of rt.h; arrays as those of an accel */
@@ -636,7 +638,7 @@ typedef char rti_check_span[sizeof(rti_gpu_span) == 20 ? 1 : -1];
 
 /* Where the primitives that tiles list are in the arrays of the accel. */
 RTI_SHARED(
-__kernel void rt_gpu_find_slots(__global const char *arena, __global char *raster)
+__kernel RTI_GROUP void rt_gpu_find_slots(__global const char *arena, __global char *raster)
 {
     const RTI_GLOBAL rti_gpu_raster *const r = (const RTI_GLOBAL rti_gpu_raster *)raster;
     RTI_GLOBAL uint32_t *const slots = (RTI_GLOBAL uint32_t *)(raster + (size_t)r->slots * RTI_GPU_ALIGN);
@@ -697,7 +699,7 @@ RTI_FN unsigned rti_cover_packet(const rt_accel *accel, const RTI_GLOBAL char *r
 
 /* Work-item i: the eye rays from i * RTI_WIDTH on, of a tile of the picture. */
 RTI_SHARED(
-__kernel void rt_gpu_cover(__global const char *arena, __global const rt_ray *rays, __global rt_hit *hits, __global const char *raster,
+__kernel RTI_GROUP void rt_gpu_cover(__global const char *arena, __global const rt_ray *rays, __global rt_hit *hits, __global const char *raster,
                            rti_gpu_frame frame, int algorithm, int entries)
 {
     const size_t first = get_global_id(0) * RTI_WIDTH;
@@ -874,7 +876,7 @@ RTI_SHARED(
 RTI_SHARED(
 }
 
-RTI_FN void rti_see(const rti_world *world, const rt_ray *ray, const rt_hit *hit, rti_path *path, rti_surface *s, rt_vec3 *sum)
+RTI_FN void rti_see_hit(const rti_world *world, const rt_ray *ray, const rt_hit *hit, rti_path *path, rti_surface *s, rt_vec3 *sum)
 {
     rti_known known = { NULL, false, false };
     s->inside = false;
@@ -1051,7 +1053,7 @@ RTI_FN void rti_load_surface(const RTI_GLOBAL char *scene, const RTI_GLOBAL floa
     "__global rt_hit *hits, __global float *times, uint count, uint turn, uint number\n"
 
 RTI_SHARED(
-__kernel void rt_gpu_look(RTI_STEP)
+__kernel RTI_GROUP void rt_gpu_look(RTI_STEP)
 {
     const rti_gpu_frame *const frame = &given;
     const uint32_t i = (uint32_t)get_global_id(0);
@@ -1071,7 +1073,7 @@ __kernel void rt_gpu_look(RTI_STEP)
 )
 
 RTI_SHARED(
-__kernel void rt_gpu_meet(RTI_STEP)
+__kernel RTI_GROUP void rt_gpu_meet(RTI_STEP)
 {
     const rti_gpu_frame *const frame = &given;
     const uint32_t i = (uint32_t)get_global_id(0);
@@ -1093,7 +1095,7 @@ __kernel void rt_gpu_meet(RTI_STEP)
     rti_load_path(scene, saved, &path);
     sum = w.pixels[path.pixel].sum;
     rti_make_world(frame, scene, arena, &root, &world);
-    rti_see(&world, &ray, &hit, &path, &surface, &sum);
+    rti_see_hit(&world, &ray, &hit, &path, &surface, &sum);
     rti_save_surface(scene, &surface, frame->space, w.surfaces + i);
     rti_save_path(scene, &path, saved->level, saved);
     w.pixels[path.pixel].sum = sum;
@@ -1102,7 +1104,7 @@ __kernel void rt_gpu_meet(RTI_STEP)
 
 /* Where a light does nothing a ray goes nowhere: its hit is none, and the surface's cosine 0. */
 RTI_SHARED(
-__kernel void rt_gpu_aim(RTI_STEP)
+__kernel RTI_GROUP void rt_gpu_aim(RTI_STEP)
 {
     const rti_gpu_frame *const frame = &given;
     const uint32_t i = (uint32_t)get_global_id(0);
@@ -1134,7 +1136,7 @@ __kernel void rt_gpu_aim(RTI_STEP)
 )
 
 RTI_SHARED(
-__kernel void rt_gpu_shine(RTI_STEP)
+__kernel RTI_GROUP void rt_gpu_shine(RTI_STEP)
 {
     const rti_gpu_frame *const frame = &given;
     const uint32_t i = (uint32_t)get_global_id(0);
@@ -1206,7 +1208,7 @@ RTI_FN bool rti_go_on(const rti_work *w, const RTI_GLOBAL char *scene, const rti
 
 /* Rays move together, a work-group's beside each other. */
 RTI_SHARED(
-__kernel void rt_gpu_bounce(RTI_STEP)
+__kernel RTI_GROUP void rt_gpu_bounce(RTI_STEP)
 {
     __local uint32_t going;
     __local uint32_t first;

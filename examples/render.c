@@ -544,7 +544,7 @@ static void render_one_tile(void *context, size_t index)
     pthread_mutex_unlock(&f->lock);
 }
 
-/* On a device, in bands of as many rows as it draws at once, so that one sees how far it is. */
+/* On a device, in bands, so that one sees how far it is: of pixels enough to keep it busy. */
 static rt_status render_bands(frame *f)
 {
     const int width = f->how.width, height = f->how.height;
