@@ -11195,7 +11195,6 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec
 #undef rti_cover_queue
 #undef rti_cover
 #undef RTI_SIMD_RAYS
-#undef RTI_STEEP
 #undef RTI_NESTED
 #undef RTI_FN
 #undef RTI_ALL_LANES
