@@ -1619,7 +1619,7 @@ static rt_status rti_gpu_find_program(rt_gpu *gpu, const rti_gpu_key *key, rti_g
 /* A large packet is a work-group: of more rays a work-item where there are few in one, or the compiled kernel has room for few. */
 static rt_status rti_gpu_fit_large(rt_gpu *gpu, rti_gpu_key *key, rti_gpu_task *task, rt_error *error)
 {
-    const uint32_t rays = task->side * task->side, fixed = 8 * key->levels[0].depth + 1024;    /* of the stack, and more than the frustum and so on */
+    const uint32_t rays = task->side * task->side, fixed = 8 * key->levels[0].depth + 1536;    /* of the stack, and more than the frustum and so on */
     const bool shares = !gpu->info.gpu || task->algorithm == RT_BVH_PARTITION;
     size_t group = gpu->group, bytes = 0;
     for (key->width = gpu->info.gpu ? 1 : 8; key->width <= 16; key->width *= key->width == 1 ? 4 : 2) {

@@ -572,6 +572,7 @@ __kernel void rt_gpu_trace(__global const char *arena, __global const rt_ray *ra
    On a GPU work-items ask for a box together, and a step is a node. On a CPU they take turns from barrier to barrier: there the first goes on
    alone, asking for the others, until it comes to a leaf, and a step is a leaf. For that it reads their rays in local memory, as those of
    Partition do on a GPU, where a work-item asks for another ray than its own. */
+"#define RTI_STRIPS 16\n"
 RTI_SHARED(
 typedef struct { uint32_t first, open, words[32]; } rti_votes;      /* of a step: the first that meets the box; whether any needs hits; who does */
 typedef struct { uint32_t leaf, active, over, open; } rti_lead;     /* what the first work-item tells the others */
@@ -594,6 +595,7 @@ typedef struct {
     __local ushort *ranks;                  /* and where each of them stands; */
     __local ushort *sides;                  /* bits of their signs, and 8: all lanes have them */
     __local rti_votes *votes;               /* three, which take turns */
+    __local float *strips;                  /* of rti_survey */
     const __local float *way;               /* the dir of one ray */
     const __local rti_frustum *frustum;
 } rti_group;
@@ -673,40 +675,36 @@ RTI_FN unsigned rti_meet(const rti_group *g, const RTI_GLOBAL float *bounds)
 RTI_SHARED(
 typedef struct { float low[4], high[4]; } rti_range;
 
-RTI_FN float rti_highest(unsigned live, rti_v a)
-{
-    float lanes[RTI_WIDTH], most;
-    int i;
-    rti_vstore(lanes, rti_vselect(live, a, rti_vset(-RTI_INFINITY)));
-    most = lanes[0];
-    for (i = 1; i < RTI_WIDTH; i++) most = rti_maxf(most, lanes[i]);
-    return most;
-}
+RTI_FN float rti_high1(float a) { return a; }
+RTI_FN float rti_high2(float2 a) { return rti_maxf(a.x, a.y); }
+RTI_FN float rti_high4(float4 a) { return rti_high2(a.lo > a.hi ? a.lo : a.hi); }
+RTI_FN float rti_high8(float8 a) { return rti_high4(a.lo > a.hi ? a.lo : a.hi); }
+RTI_FN float rti_high16(float16 a) { return rti_high8(a.lo > a.hi ? a.lo : a.hi); }
+RTI_FN float rti_highest(unsigned live, rti_v a) { return RTI_VECTOR(rti_high)(rti_vselect(live, a, rti_vset(-RTI_INFINITY))); }
 
-/* Least and greatest of four numbers of all rays, for all to know. Work-items of a strip are gathered by one of them, strips by each. */
+/* Least and greatest of four numbers of all rays, for all to know: work-items are gathered in strips, and each gathers the strips. */
 RTI_FN rti_range rti_survey(const rti_group *g, rti_v a, rti_v b, rti_v c, rti_v d)
 {
-    const uint32_t strips = g->items < 16 ? g->items : 16;
+    const uint32_t count = g->items < RTI_STRIPS ? g->items : RTI_STRIPS;
     float8 most = (float8)(rti_highest(g->live, a), rti_highest(g->live, b), rti_highest(g->live, c), rti_highest(g->live, d),
                            rti_highest(g->live, -a), rti_highest(g->live, -b), rti_highest(g->live, -c), rti_highest(g->live, -d));
     rti_range r;
     uint32_t i;
     vstore8(most, g->item, g->rays);
     barrier(CLK_LOCAL_MEM_FENCE);
-    if (g->item < strips) {
-        for (i = g->item + strips; i < g->items; i += strips) {
+    if (g->item < count) {
+        for (i = g->item + count; i < g->items; i += count) {
             const float8 other = vload8(i, g->rays);
             most = other > most ? other : most;
         }
-        vstore8(most, g->item, g->rays);
+        vstore8(most, g->item, g->strips);
     }
     barrier(CLK_LOCAL_MEM_FENCE);
-    most = vload8(0, g->rays);
-    for (i = 1; i < strips; i++) {
-        const float8 other = vload8(i, g->rays);
+    most = vload8(0, g->strips);
+    for (i = 1; i < count; i++) {
+        const float8 other = vload8(i, g->strips);
         most = other > most ? other : most;
     }
-    barrier(CLK_LOCAL_MEM_FENCE);
     vstore4(most.lo, 0, r.high);
     vstore4(-most.hi, 0, r.low);
     return r;
@@ -725,8 +723,8 @@ RTI_FN bool rti_make_frustum(const rt_accel *accel, const rti_group *g, rti_frus
     const rti_range orgs = rti_survey(g, org[0], org[1], org[2], rti_vload(p->tmin));
     const rti_range dirs = rti_survey(g, dir[0], dir[1], dir[2], rti_vload(p->t));
     const rti_range ends = rti_survey(g, org[0] + dir[0], org[1] + dir[1], org[2] + dir[2], rti_vload(p->pad));
-    rti_v rdir, slope_u, slope_v, near_u, near_v, back, length;
-    rti_range slopes, sides;
+    rti_v rdir, slope_u, slope_v;
+    rti_range slopes;
     rti_bundle b;
     bool fits;
     int k;
@@ -753,13 +751,12 @@ RTI_FN bool rti_make_frustum(const rt_accel *accel, const rti_group *g, rti_frus
     }
     fits = rti_span_frustum(accel, &b, f, slopes.low[2]) && fits;
 
-    back = rti_vset(f->start) - rti_pick(p->org, f->k);
-    length = rti_vset(f->length * f->sign);
-    near_u = rti_pick(p->org, f->u) + slope_u * back;
-    near_v = rti_pick(p->org, f->v) + slope_v * back;
-    sides = rti_survey(g, near_u, near_v, near_u + slope_u * length, near_v + slope_v * length);
-    if (f->sway < 0)
-        for (k = 0; k < 2; k++) rti_set_sides(f, k, sides.low[k], sides.high[k], sides.low[2 + k], sides.high[2 + k]);
+    if (f->sway < 0) {
+        const rti_v back = rti_vset(f->start) - rti_pick(p->org, f->k), length = rti_vset(f->length * f->sign);
+        const rti_v u = rti_pick(p->org, f->u) + slope_u * back, v = rti_pick(p->org, f->v) + slope_v * back;
+        const rti_range crossed = rti_survey(g, u, v, u + slope_u * length, v + slope_v * length);
+        for (k = 0; k < 2; k++) rti_set_sides(f, k, crossed.low[k], crossed.high[k], crossed.low[2 + k], crossed.high[2 + k]);
+    }
     rti_close_frustum(f);
     return fits;
 }
@@ -923,7 +920,7 @@ __kernel void rt_gpu_trace(__global const char *arena, __global const rt_ray *ra
                            ulong base, ulong count, int algorithm, int cull, __local float *rows, __local ushort *numbers)
 {
     __local uint32_t stack[RTI_STACK][2];
-    __local float way[3];
+    __local float strips[8 * RTI_STRIPS], way[3];
     __local rti_frustum frustum;
     __local rti_votes votes[RTI_GPU ? 3 : 1];
     __local rti_lead lead;
@@ -962,10 +959,11 @@ __kernel void rt_gpu_trace(__global const char *arena, __global const rt_ray *ra
     g.ranks = numbers + items;
     g.sides = numbers + 2 * items;
     g.votes = votes;
+    g.strips = strips;
     g.way = way;
     g.frustum = &frustum;
     if (g.algorithm == RT_BVH_PARTITION) g.active = items;
-    shares = g.algorithm == RT_BVH_PARTITION || !RTI_GPU;
+    shares = !RTI_GPU || g.algorithm == RT_BVH_PARTITION;
 )
 RTI_SHARED(
     if (RTI_CULL) {
