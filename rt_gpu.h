@@ -110,9 +110,11 @@ RT_API size_t rt_gpu_bytes(const rt_gpu_accel *accel);
      RT_KD_STACK, RT_KD_RESTART, RT_KD_PUSHDOWN, RT_KD_SHORTSTACK, RT_BVH_SIMD   1: a ray a work-item; 2, 8, 16: packets of 2x2, 8, 16
      RT_KD_BACKTRACK, RT_BVH_STACK, RT_BVH_WIDE, RT_THREADED_SINGLE              1
      RT_THREADED_PARALLEL                                2, 4, 8, 16 rays
-     RT_BVH_MASKED, RT_BVH_RANGED, RT_BVH_PARTITION      4, 8, 16, 32: packets of 4x4 to 32x32, each a work-group, which RT_ERROR_UNSUPPORTED
-                                                         says where a device has too little of; rays go through instances one by one, or by eights on a CPU
-   RT_AUTO takes what measures fastest on the kind of device. A program is compiled where none fits yet, which takes seconds. Copies rays to the device and hits back, a million at a time. */
+     RT_BVH_MASKED, RT_BVH_RANGED, RT_BVH_PARTITION      4, 8, 16, 32: packets of 4x4 to 32x32, culled as opt->cull says
+   A large packet is a work-group, whose work-items have a ray each, or eight on a CPU, and go through instances one by one. It takes local
+   memory: on a GPU RT_BVH_PARTITION 43 KB for 32x32, the others up to 32 KB where they cull; RT_ERROR_UNSUPPORTED: the device has less.
+   RT_AUTO takes what measures fastest on the kind of device. A program is compiled where none fits yet, which takes seconds.
+   Copies rays to the device and hits back, a million at a time. */
 RT_API rt_status rt_gpu_trace(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt, const rt_ray *rays, size_t count,
                               rt_hit *hits);
 
@@ -1571,10 +1573,10 @@ typedef struct {
     uint32_t items, rows, numbers;          /* their work-items, and local memory: floats and 16 bits */
 } rti_gpu_task;
 
-/* Packet widths in the rt_trace_options sense that there are kernels for; the default first. */
+/* Packet widths in the rt_trace_options sense that there are kernels for. */
 static const int *rti_gpu_width_list(rt_algorithm algorithm, size_t *n)
 {
-    static const int one[] = { 1 }, lanes[] = { 1, 2, 8, 16 }, rays[] = { 2, 4, 8, 16 }, sides[] = { 8, 4, 16, RT_MAX_PACKET };
+    static const int one[] = { 1 }, lanes[] = { 1, 2, 8, 16 }, rays[] = { 2, 4, 8, 16 }, sides[] = { 4, 8, 16, RT_MAX_PACKET };
     *n = 4;
     if (algorithm == RT_THREADED_PARALLEL) return rays;
     if (algorithm == RT_BVH_SIMD || (algorithm >= RT_KD_STACK && algorithm < RT_KD_BACKTRACK)) return lanes;
@@ -1659,7 +1661,7 @@ static rt_status rti_gpu_choose_program(rt_gpu *gpu, const rt_gpu_accel *accel, 
         width = 0;
     }
     widths = rti_gpu_width_list(algorithm, &n);
-    if (!width) width = widths[n > 1 && !gpu->info.gpu ? 2 : 0];
+    if (!width) width = widths[n == 1 ? 0 : !gpu->info.gpu ? 2 : rti_gpu_is_large((uint32_t)algorithm) ? 1 : 0];
     for (i = 0; i < n && widths[i] != width; i++) {}
     if (i == n) return rti_no_width(opt, widths, n);
     memset(&key, 0, sizeof key);
@@ -1702,6 +1704,7 @@ RT_API rt_status rt_gpu_get_kernel(rt_gpu *gpu, const rt_gpu_accel *accel, const
     rt_trace_options defaults;
     const rti_gpu_program *program;
     rti_gpu_task task;
+    rti_cl_int code;
     rt_status status;
     memset(&defaults, 0, sizeof defaults);
     if (!opt) opt = &defaults;
@@ -1713,7 +1716,8 @@ RT_API rt_status rt_gpu_get_kernel(rt_gpu *gpu, const rt_gpu_accel *accel, const
     kernel->packet_width = (int)program->key.width;
     if (program->key.width == 4 && kernel->algorithm != RT_THREADED_PARALLEL) kernel->packet_width = 2;    /* 2x2 */
     if (task.side) kernel->packet_width = (int)task.side;
-    if (rti_gpu_set_task(gpu, &task) != RTI_CL_SUCCESS) return RT_OK;
+    code = rti_gpu_set_task(gpu, &task);    /* local memory counts once its size is given */
+    if (code != RTI_CL_SUCCESS) return rti_cl_fail(opt->error, code, "a kernel");
     kernel->private_bytes = rti_gpu_kernel_number(gpu, program->kernel, RTI_CL_PRIVATE_SIZE);
     kernel->local_bytes = rti_gpu_kernel_number(gpu, program->kernel, RTI_CL_LOCAL_SIZE);
     kernel->group = program->group;

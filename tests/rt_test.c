@@ -9238,7 +9238,7 @@ static void rtt_test_gpu_mistakes(void)
     MISTAKE(rt_gpu_trace(gpu[0], there[0], &opt, rays.ray, rays.count, hits), RT_ERROR_ARGUMENT, "kd.stack is for a kdtree");
     opt.algorithm = RT_BVH_RANGED;
     opt.packet_width = 64;
-    MISTAKE(rt_gpu_trace(gpu[0], there[0], &opt, rays.ray, rays.count, hits), RT_ERROR_ARGUMENT, "bvh.ranged takes packet_width 0 (default) or one of: 8, 4, 16, 32");
+    MISTAKE(rt_gpu_trace(gpu[0], there[0], &opt, rays.ray, rays.count, hits), RT_ERROR_ARGUMENT, "bvh.ranged takes packet_width 0 (default) or one of: 4, 8, 16, 32");
     opt.cull = (rt_cull)4;
     MISTAKE(rt_gpu_trace(gpu[0], there[0], &opt, rays.ray, rays.count, hits), RT_ERROR_ARGUMENT, "cull");
     opt.cull = RT_CULL_NONE;
