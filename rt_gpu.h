@@ -1301,7 +1301,7 @@ struct rti_gpu_program {
 
 /* Numbers of rt.h that shared text uses. */
 #define RTI_GPU_NUMBERS(X) X(RT_ANY) X(RT_KDTREE) X(RT_KD_STACK) X(RT_KD_RESTART) X(RT_KD_BACKTRACK) \
-    X(RT_BVH_RANGED) X(RT_BVH_PARTITION) X(RT_CULL_NONE) X(RT_CULL_CORNERS) X(RT_CULL_PLANES) \
+    X(RT_BVH_MASKED) X(RT_BVH_PARTITION) X(RT_CULL_NONE) X(RT_CULL_CORNERS) X(RT_CULL_PLANES) \
     X(RTI_TRIANGLE) X(RTI_SPHERE) X(RTI_INSTANCE) X(RTI_WALK_ANY) X(RTI_WALK_ALL) X(RTI_WALK_COUNT) X(RTI_WALK_LIKELY) \
     X(RTI_KIND_SHIFT) X(RTI_MIXED) X(RTI_KD_PAIR) X(RTI_SEEN)
 #define RTI_GPU_BITS(X) X(RT_NONE) X(RTI_END) X(RTI_COUNT_MASK) X(RTI_LEAF) X(RTI_KD_LOWER_EMPTY) X(RTI_KD_EMPTY) \
@@ -1310,7 +1310,9 @@ struct rti_gpu_program {
 
 static bool rti_gpu_is_large(uint32_t algorithm) { return algorithm >= RT_BVH_MASKED && algorithm <= RT_BVH_PARTITION; }
 
-/* Numbers of a SIMD ray that the work-items of a large packet share, see rti_row. */
+/* Large packets: may there be a frustum? Do work-items read each other's rays, and how many numbers of one (see rti_row)? */
+static bool rti_gpu_culls(const rti_gpu_key *key) { return key->general || key->cull; }
+static bool rti_gpu_shares(const rt_gpu *gpu, const rti_gpu_key *key) { return !gpu->info.gpu || key->general || key->algorithm == RT_BVH_PARTITION; }
 static uint32_t rti_gpu_rows(const rt_gpu *gpu) { return gpu->info.gpu ? 9 : 11; }
 
 /* All that holds for the whole program. */
@@ -1339,6 +1341,8 @@ static void rti_gpu_define_all(rti_gpu_source *s, const rt_gpu *gpu, const rti_g
         rti_gpu_define(s, "RTI_ENTRIES %u", key->entries);
         rti_gpu_define(s, "RTI_CULL %u", key->cull);
     }
+    rti_gpu_define(s, "RTI_CULLS %d", (int)rti_gpu_culls(key));
+    rti_gpu_define(s, "RTI_SHARES %d", (int)rti_gpu_shares(gpu, key));
     rti_gpu_define(s, "RTI_ROWS %u", rti_gpu_rows(gpu));
     rti_gpu_define(s, "RTI_SHORT_STACK %u", key->entries ? key->entries : 1);
     rti_gpu_define(s, "RTI_MOVES %d", (int)moves);
@@ -1603,8 +1607,8 @@ static void rti_gpu_generalise(rti_gpu_key *key)
         key->algorithm = RT_KD_SHORTSTACK;
         key->entries = RT_MAX_SHORT_STACK;
     } else if (rti_gpu_is_large(key->algorithm)) {
-        key->algorithm = RT_BVH_PARTITION;
-        key->cull = RT_CULL_BOTH;
+        key->algorithm = RT_BVH_MASKED;
+        key->cull = RT_CULL_NONE;
     } else if (key->algorithm == RT_BVH_SIMD) key->algorithm = RT_BVH_STACK;
     else if (key->algorithm == RT_THREADED_PARALLEL) key->algorithm = RT_THREADED_SINGLE;
 }
@@ -1622,12 +1626,12 @@ static rt_status rti_gpu_find_program(rt_gpu *gpu, const rti_gpu_key *key, rti_g
 static rt_status rti_gpu_fit_large(rt_gpu *gpu, rti_gpu_key *key, rti_gpu_task *task, rt_error *error)
 {
     const uint32_t rays = task->side * task->side, fixed = 8 * key->levels[0].depth + 1536;    /* of the stack, and more than the frustum and so on */
-    const bool shares = !gpu->info.gpu || task->algorithm == RT_BVH_PARTITION;
+    const bool shares = rti_gpu_shares(gpu, key);
     size_t group = gpu->group, bytes = 0;
     for (key->width = gpu->info.gpu ? 1 : 8; key->width <= 16; key->width *= key->width == 1 ? 4 : 2) {
         rt_status status;
         task->items = rays / key->width;
-        task->rows = shares ? rti_gpu_rows(gpu) * rays : key->cull ? 8 * task->items : 1;
+        task->rows = shares ? rti_gpu_rows(gpu) * rays : rti_gpu_culls(key) ? 8 * task->items : 1;
         task->numbers = shares ? 3 * task->items : 1;
         bytes = 4 * (size_t)task->rows + 2 * (size_t)task->numbers + fixed;
         if (task->items > gpu->group || bytes > gpu->local) continue;

@@ -648,26 +648,28 @@ RTI_FN rti_slab rti_shared_slab(const rti_group *g, uint32_t at, uint32_t sides,
     return s;
 }
 
-/* Does that SIMD ray meet the box? */
+/* Lanes that meet the box. */
+RTI_FN unsigned rti_meet(const rti_packet *p, unsigned lanes, const RTI_GLOBAL float *bounds)
+{
+    const rti_slabs s = rti_make_slabs(p);
+    rti_v enter, leave;
+    return rti_hit_box(&s, bounds, rti_vload(p->t), &enter, &leave) & lanes;
+}
+
+/* Does any of that SIMD ray, which is one's own where none are shared? */
 RTI_FN bool rti_meets(const rti_group *g, uint32_t at, const RTI_GLOBAL float *bounds)
 {
-    const uint32_t sides = g->sides[at];
     rti_slabs s;
     rti_v enter, leave;
+    uint32_t sides;
+    if (!RTI_SHARES) return rti_meet(g->ray, g->live, bounds) != 0;
+    sides = g->sides[at];
     s.uniform = RTI_WIDTH == 1 || sides & 8;
     s.tmin = rti_lload(rti_row(g, at, 1));
     s.x = rti_shared_slab(g, at, sides, 0);
     s.y = rti_shared_slab(g, at, sides, 1);
     s.z = rti_shared_slab(g, at, sides, 2);
     return rti_hit_box(&s, bounds, rti_lload(rti_row(g, at, 0)), &enter, &leave) != 0;
-}
-
-/* The lanes of one's own that do. */
-RTI_FN unsigned rti_meet(const rti_group *g, const RTI_GLOBAL float *bounds)
-{
-    const rti_slabs s = rti_make_slabs(g->ray);
-    rti_v enter, leave;
-    return rti_hit_box(&s, bounds, rti_vload(g->ray->t), &enter, &leave) & g->live;
 }
 )
 
@@ -723,8 +725,8 @@ RTI_FN bool rti_make_frustum(const rt_accel *accel, const rti_group *g, rti_frus
     const rti_range orgs = rti_survey(g, org[0], org[1], org[2], rti_vload(p->tmin));
     const rti_range dirs = rti_survey(g, dir[0], dir[1], dir[2], rti_vload(p->t));
     const rti_range ends = rti_survey(g, org[0] + dir[0], org[1] + dir[1], org[2] + dir[2], rti_vload(p->pad));
-    rti_v rdir, slope_u, slope_v;
-    rti_range slopes;
+    rti_v rdir, slope_u, slope_v, back, length, u, v;
+    rti_range slopes, crossed;
     rti_bundle b;
     bool fits;
     int k;
@@ -751,12 +753,13 @@ RTI_FN bool rti_make_frustum(const rt_accel *accel, const rti_group *g, rti_frus
     }
     fits = rti_span_frustum(accel, &b, f, slopes.low[2]) && fits;
 
-    if (f->sway < 0) {
-        const rti_v back = rti_vset(f->start) - rti_pick(p->org, f->k), length = rti_vset(f->length * f->sign);
-        const rti_v u = rti_pick(p->org, f->u) + slope_u * back, v = rti_pick(p->org, f->v) + slope_v * back;
-        const rti_range crossed = rti_survey(g, u, v, u + slope_u * length, v + slope_v * length);
+    back = rti_vset(f->start) - rti_pick(p->org, f->k);
+    length = rti_vset(f->length * f->sign);
+    u = rti_pick(p->org, f->u) + slope_u * back;
+    v = rti_pick(p->org, f->v) + slope_v * back;
+    crossed = rti_survey(g, u, v, u + slope_u * length, v + slope_v * length);  /* asked for or not: a barrier in a branch takes PoCL another second */
+    if (f->sway < 0)
         for (k = 0; k < 2; k++) rti_set_sides(f, k, crossed.low[k], crossed.high[k], crossed.low[2 + k], crossed.high[2 + k]);
-    }
     rti_close_frustum(f);
     return fits;
 }
@@ -788,8 +791,8 @@ RTI_FN bool rti_cull_box(const rti_group *g, const RTI_GLOBAL float *bounds)
 }
 )
 
-/* Who meets the box of an inner node, or may meet that of a leaf: first_hit answers the first SIMD ray that does, items: none; part_rays how many
-   do, which come to the front of ids. */
+/* Who meets the box of an inner node, or may meet that of a leaf. Answers what active becomes: of Partition how many do, which come to the
+   front of ids; else the first that does, items: none. */
 "#if RTI_GPU\n"
 /* All cast their votes, and know of all. Those of the next step are cleared a step before: all have read them before the last barrier. */
 RTI_SHARED(
@@ -811,59 +814,61 @@ RTI_FN const __local rti_votes *rti_count_votes(rti_group *g, bool meets)
     return votes;
 }
 
-RTI_FN uint32_t rti_first_hit(rti_group *g, const RTI_GLOBAL rti_node *node)
+RTI_FN uint32_t rti_ask(rti_group *g, const RTI_GLOBAL rti_node *node)
 {
-    const bool mine = g->live && g->item >= g->active && !rti_cull_box(g, node->bounds);
-    return rti_count_votes(g, mine && rti_meet(g, node->bounds))->first;
-}
-
-/* An entry's place is told by the votes that stand before its own. */
-RTI_FN uint32_t rti_part_rays(rti_group *g, const RTI_GLOBAL rti_node *node)
-{
-    const ushort id = g->ids[g->item];
-    const bool hit = g->item < g->active && !rti_cull_box(g, node->bounds) && rti_meets(g, id, node->bounds);
+    const bool partition = g->algorithm == RT_BVH_PARTITION, mine = partition ? g->item < g->active : g->item >= g->active;
+    const uint32_t ray = partition ? g->ids[g->item] : g->item;
+    const bool hit = mine && !rti_cull_box(g, node->bounds) && rti_meets(g, ray, node->bounds);
     const __local rti_votes *votes = rti_count_votes(g, hit);
     uint32_t i, before = 0, all = 0;
+    if (!partition) return votes->first;
     for (i = 0; i * 32 < g->active; i++) {
-        const uint32_t word = votes->words[i], place = g->item - i * 32;
+        const uint32_t word = votes->words[i], behind = g->item - i * 32;
         all += popcount(word);
-        if (i * 32 <= g->item) before += popcount(place < 32 ? word & ((1u << place) - 1) : word);
+        if (i * 32 <= g->item) before += popcount(behind < 32 ? word & ((1u << behind) - 1) : word);
     }
-    if (g->item < g->active && !node->count) {
+    if (node->count) return all ? g->active : 0;
+    if (mine) {                             /* an entry's place is told by the votes that stand before its own */
         const uint32_t place = hit ? before : all + g->item - before;
-        g->ids[place] = id;
-        g->ranks[id] = (ushort)place;
+        g->ids[place] = (ushort)ray;
+        g->ranks[ray] = (ushort)place;
     }
-    return node->count && all ? g->active : all;
+    return all;
 }
 )
 "#else\n"
 RTI_SHARED(
-RTI_FN uint32_t rti_first_hit(rti_group *g, const RTI_GLOBAL rti_node *node)
+/* [Overbeck] 3.2, getFirstHit */
+RTI_FN uint32_t rti_first_hit(const rti_group *g, const RTI_GLOBAL float *bounds)
 {
     uint32_t i = g->active;
-    if (node->count) return rti_cull_box(g, node->bounds) ? g->items : i;
-    if (rti_meets(g, i, node->bounds)) return i;
-    if (rti_cull_box(g, node->bounds)) return g->items;
-    while (++i < g->items && !rti_meets(g, i, node->bounds)) {}
+    if (rti_meets(g, i, bounds)) return i;
+    if (rti_cull_box(g, bounds)) return g->items;
+    while (++i < g->items && !rti_meets(g, i, bounds)) {}
     return i;
 }
 
-/* [Overbeck] 3.3 */
-RTI_FN uint32_t rti_part_rays(rti_group *g, const RTI_GLOBAL rti_node *node)
+/* 3.3, partRays */
+RTI_FN uint32_t rti_part_rays(const rti_group *g, const RTI_GLOBAL float *bounds)
 {
     uint32_t i, alive = 0;
-    if (rti_cull_box(g, node->bounds)) return 0;
-    if (node->count) return g->active;
+    if (rti_cull_box(g, bounds)) return 0;
     for (i = 0; i < g->active; i++) {
         const ushort id = g->ids[i], other = g->ids[alive];
-        if (!rti_meets(g, id, node->bounds)) continue;
+        if (!rti_meets(g, id, bounds)) continue;
         g->ids[i] = other;
         g->ranks[other] = (ushort)i;
         g->ids[alive] = id;
         g->ranks[id] = (ushort)alive++;
     }
     return alive;
+}
+
+RTI_FN uint32_t rti_ask(rti_group *g, const RTI_GLOBAL rti_node *node)
+{
+    const bool partition = g->algorithm == RT_BVH_PARTITION;
+    if (!node->count) return partition ? rti_part_rays(g, node->bounds) : rti_first_hit(g, node->bounds);
+    return !rti_cull_box(g, node->bounds) ? g->active : partition ? 0 : g->items;
 }
 )
 "#endif\n"
@@ -874,15 +879,9 @@ RTI_SHARED(
 RTI_FN void rti_step(rti_group *g)
 {
     const RTI_GLOBAL rti_node *node = g->nodes + g->at;
-    bool alive;
-    if (g->algorithm == RT_BVH_PARTITION) {
-        g->active = rti_part_rays(g, node);
-        alive = g->active != 0;
-    } else {
-        const uint32_t first = rti_first_hit(g, node);
-        alive = first < g->items;
-        if (alive && g->algorithm == RT_BVH_RANGED) g->active = first;
-    }
+    const uint32_t active = rti_ask(g, node);
+    const bool alive = g->algorithm == RT_BVH_PARTITION ? active > 0 : active < g->items;
+    if (g->algorithm != RT_BVH_MASKED) g->active = active;
     g->leaf = alive && node->count ? g->at : RT_NONE;
     g->leaf_active = g->active;
     if (alive && !node->count) {            /* the child whose middle comes first along the way is near */
@@ -907,14 +906,13 @@ RTI_FN void rti_step(rti_group *g)
 
 RTI_NOINLINE unsigned rti_large_leaf(const rt_accel *accel, rti_packet *p, unsigned lanes, const RTI_GLOBAL rti_node *leaf, const rti_job *job)
 {
-    const rti_slabs s = rti_make_slabs(p);
-    rti_v enter, leave;
-    lanes &= rti_hit_box(&s, leaf->bounds, rti_vload(p->t), &enter, &leave);
+    lanes = rti_meet(p, lanes, leaf->bounds);
     return lanes ? rti_hit_leaf(accel, p, lanes, 0, leaf->index, leaf->count, RT_NONE, RTI_WALK_FLAGS, job) : 0;
 }
 )
 
-/* Local memory: rows, or room for rti_survey; ids, ranks and sides. A program for one algorithm and way to cull has them as constants. */
+/* Local memory: rows, and before them room for rti_survey; ids, ranks and sides. A program for one algorithm and way to cull has them as
+   constants. */
 RTI_SHARED(
 __kernel void rt_gpu_trace(__global const char *arena, __global const rt_ray *rays, __global rt_hit *hits, __global const float *times,
                            ulong base, ulong count, int algorithm, int cull, __local float *rows, __local ushort *numbers)
@@ -931,7 +929,6 @@ __kernel void rt_gpu_trace(__global const char *arena, __global const rt_ray *ra
     rti_job job;
     rti_group g;
     unsigned found = 0, live;
-    bool shares;
     rti_open(&accel, arena, 0);
     job.query = RTI_QUERY;
     job.algorithm = RTI_ALGORITHM;
@@ -963,15 +960,14 @@ __kernel void rt_gpu_trace(__global const char *arena, __global const rt_ray *ra
     g.way = way;
     g.frustum = &frustum;
     if (g.algorithm == RT_BVH_PARTITION) g.active = items;
-    shares = !RTI_GPU || g.algorithm == RT_BVH_PARTITION;
 )
 RTI_SHARED(
-    if (RTI_CULL) {
+    if (RTI_CULLS) {
         rti_frustum f;
         if (!rti_make_frustum(&accel, &g, &f)) g.cull = RT_CULL_NONE;
         if (!item) frustum = f;
     }
-    if (shares) rti_share_ray(&g);
+    if (RTI_SHARES) rti_share_ray(&g);
     if (item == items / 2) {
         way[0] = p.dir[0][0];
         way[1] = p.dir[1][0];
@@ -1013,10 +1009,10 @@ RTI_SHARED(
             const unsigned hit = rti_large_leaf(&accel, &p, g.live, accel.nodes + g.leaf, &job);
             found |= hit;
             if (g.any) g.live &= ~hit;
-            if (hit && shares) rti_share_t(&g);
+            if (hit && RTI_SHARES) rti_share_t(&g);
         }
         if (!RTI_GPU && g.live) lead.open = 1;
-        if (shares) barrier(CLK_LOCAL_MEM_FENCE);
+        if (RTI_SHARES) barrier(CLK_LOCAL_MEM_FENCE);
     } while (!g.over);
     rti_give_hits(&p, found, hits, first, last);
 }
