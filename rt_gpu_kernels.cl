@@ -567,11 +567,11 @@ __kernel void rt_gpu_trace(__global const char *arena, __global const rt_ray *ra
 #if RTI_IN(LARGE)
 
 /* Each work-item has a SIMD ray, RTI_WIDTH rays of the packet, and all go down the tree together: where they go is the same for all, and
-   barriers stand at fixed places of a step, none in a branch that only some take. At a leaf each SIMD ray asks for the box itself.
+   barriers stand at fixed places of a step, none in a branch. At a leaf each SIMD ray asks for the box itself.
 
    On a GPU work-items ask for a box together, and a step is a node. On a CPU they take turns from barrier to barrier: there the first goes on
-   alone, asking for the others, until it comes to a leaf, and a step is a leaf. For that it reads their rays in local memory, as those of
-   Partition do on a GPU, where a work-item asks for another ray than its own. */
+   alone, asking for the others, until it comes to a leaf, and a step is a leaf. For that it reads their rays in local memory, as work-items
+   do with Partition on a GPU, where they ask for other rays than their own. */
 "#define RTI_STRIPS 16\n"
 RTI_SHARED(
 typedef struct { uint32_t first, open, words[32]; } rti_votes;      /* of a step: the first that meets the box; whether any needs hits; who does */
@@ -581,13 +581,12 @@ typedef struct {
     const RTI_GLOBAL rti_node *nodes;
     rt_algorithm algorithm;
     int cull;                               /* RT_CULL_NONE where there is no frustum */
-    bool any;
     uint32_t item, items;                   /* of the group; an item's number is that of its SIMD ray */
-    rti_packet *ray;                        /* its own; */
-    unsigned live;                          /* which lanes need hits */
-    uint32_t at, top, turn;                 /* the node to ask for, entries of the stack, and which of the votes are cast */
+    rti_packet *ray;
+    unsigned live;                          /* lanes of it that need hits */
+    uint32_t at, top, turn;                 /* the node to ask for, entries of the stack, and which of the votes are cast next */
     uint32_t active;                        /* Ranged: the first SIMD ray that is, Partition: how many ids are; Masked: 0 */
-    uint32_t leaf, leaf_active;             /* what the step came to; RT_NONE: no leaf */
+    uint32_t leaf, leaf_active;             /* what the step has come to, and active there; RT_NONE: to no leaf */
     bool over;
     __local uint32_t (*stack)[2];           /* nodes, and how many were active */
     __local float *rays;                    /* see rti_row */
@@ -757,7 +756,7 @@ RTI_FN bool rti_make_frustum(const rt_accel *accel, const rti_group *g, rti_frus
     length = rti_vset(f->length * f->sign);
     u = rti_pick(p->org, f->u) + slope_u * back;
     v = rti_pick(p->org, f->v) + slope_v * back;
-    crossed = rti_survey(g, u, v, u + slope_u * length, v + slope_v * length);  /* asked for or not: a barrier in a branch takes PoCL another second */
+    crossed = rti_survey(g, u, v, u + slope_u * length, v + slope_v * length);      /* needed or not: PoCL copies all behind a branch with barriers */
     if (f->sway < 0)
         for (k = 0; k < 2; k++) rti_set_sides(f, k, crossed.low[k], crossed.high[k], crossed.low[2 + k], crossed.high[2 + k]);
     rti_close_frustum(f);
@@ -837,8 +836,8 @@ RTI_FN uint32_t rti_ask(rti_group *g, const RTI_GLOBAL rti_node *node)
 }
 )
 "#else\n"
+/* [Overbeck] 3.2, getFirstHit, and 3.3, partRays. */
 RTI_SHARED(
-/* [Overbeck] 3.2, getFirstHit */
 RTI_FN uint32_t rti_first_hit(const rti_group *g, const RTI_GLOBAL float *bounds)
 {
     uint32_t i = g->active;
@@ -848,7 +847,6 @@ RTI_FN uint32_t rti_first_hit(const rti_group *g, const RTI_GLOBAL float *bounds
     return i;
 }
 
-/* 3.3, partRays */
 RTI_FN uint32_t rti_part_rays(const rti_group *g, const RTI_GLOBAL float *bounds)
 {
     uint32_t i, alive = 0;
@@ -922,6 +920,7 @@ __kernel void rt_gpu_trace(__global const char *arena, __global const rt_ray *ra
     __local rti_frustum frustum;
     __local rti_votes votes[RTI_GPU ? 3 : 1];
     __local rti_lead lead;
+    const bool any = RTI_QUERY == RT_ANY;
     const uint32_t item = get_local_id(0), items = get_local_size(0);
     const size_t last = base + count, first = base + (get_group_id(0) * items + item) * RTI_WIDTH;
     rt_accel accel;
@@ -935,10 +934,9 @@ __kernel void rt_gpu_trace(__global const char *arena, __global const rt_ray *ra
     job.entries = 0;
     live = rti_take_rays(&accel, rays, times, first < last ? first : last - 1, last, &p);
     live = rti_prepare(&accel, &p, first < last ? live : 0, false);
-    g.any = RTI_QUERY == RT_ANY;
     if (RTI_HAS_PLANES && accel.plane_count && live) {
         found = rti_hit_planes(&accel, &p, live, RT_NONE, &job);
-        if (g.any) live &= ~found;
+        if (any) live &= ~found;
     }
     g.nodes = accel.nodes;
     g.algorithm = RTI_ALGORITHM;
@@ -1008,7 +1006,7 @@ RTI_SHARED(
         if (g.leaf != RT_NONE && g.live && (g.algorithm == RT_BVH_PARTITION ? g.ranks[item] < g.leaf_active : item >= g.leaf_active)) {
             const unsigned hit = rti_large_leaf(&accel, &p, g.live, accel.nodes + g.leaf, &job);
             found |= hit;
-            if (g.any) g.live &= ~hit;
+            if (any) g.live &= ~hit;
             if (hit && RTI_SHARES) rti_share_t(&g);
         }
         if (!RTI_GPU && g.live) lead.open = 1;
