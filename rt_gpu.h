@@ -111,8 +111,8 @@ RT_API size_t rt_gpu_bytes(const rt_gpu_accel *accel);
      RT_KD_BACKTRACK, RT_BVH_STACK, RT_BVH_WIDE, RT_THREADED_SINGLE              1
      RT_THREADED_PARALLEL                                2, 4, 8, 16 rays
      RT_BVH_MASKED, RT_BVH_RANGED, RT_BVH_PARTITION      4, 8, 16, 32: packets of 4x4 to 32x32, culled as opt->cull says
-   A large packet is a work-group, whose work-items have a ray each, or eight on a CPU, and go through instances one by one. It takes local
-   memory: on a GPU RT_BVH_PARTITION 43 KB for 32x32, the others up to 32 KB where they cull; RT_ERROR_UNSUPPORTED: the device has less.
+   A large packet is a work-group. Its work-items have a ray each, or eight on a CPU, and go through instances each by itself. It takes local
+   memory, up to 45 KB on a GPU (RT_BVH_PARTITION, 32x32) and 48 KB on a CPU; RT_ERROR_UNSUPPORTED: the device has less.
    RT_AUTO takes what measures fastest on the kind of device. A program is compiled where none fits yet, which takes seconds.
    Copies rays to the device and hits back, a million at a time. */
 RT_API rt_status rt_gpu_trace(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt, const rt_ray *rays, size_t count,
@@ -1636,7 +1636,7 @@ static rt_status rti_gpu_fit_large(rt_gpu *gpu, rti_gpu_key *key, rti_gpu_task *
         bytes = 4 * (size_t)task->rows + 2 * (size_t)task->numbers + fixed;
         if (task->items > gpu->group || bytes > gpu->local) continue;
         if ((status = rti_gpu_find_program(gpu, key, &task->program, error)) != RT_OK) return status;
-        group = task->program->group;
+        if (task->program->group) group = task->program->group;
         if (task->items <= group) return RT_OK;
     }
     return rti_fail(error, RT_ERROR_UNSUPPORTED, RT_NONE, "%ux%u rays take %u work-items and %u bytes of local memory; device %.64s has %u and %u together%s",
