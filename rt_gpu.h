@@ -1665,7 +1665,7 @@ static rt_status rti_gpu_choose_program(rt_gpu *gpu, const rt_gpu_accel *accel, 
         width = 0;
     }
     widths = rti_gpu_width_list(algorithm, &n);
-    if (!width) width = widths[n == 1 ? 0 : !gpu->info.gpu ? 2 : rti_gpu_is_large((uint32_t)algorithm) ? 1 : 0];
+    if (!width) width = widths[rti_gpu_is_large((uint32_t)algorithm) ? 1 : n > 1 && !gpu->info.gpu ? 2 : 0];
     for (i = 0; i < n && widths[i] != width; i++) {}
     if (i == n) return rti_no_width(opt, widths, n);
     memset(&key, 0, sizeof key);
