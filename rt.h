@@ -26,8 +26,8 @@
        declarations    >>config   >>types     >>status   >>geometry  >>build   >>query   >>sampling-api
                        >>camera-api           >>raster-api           >>texture-api       >>shading-api
        implementation  >>platform >>memory    >>math     >>layout    >>instance >>validate >>refs    >>bins    >>bvh
-                       >>kdtree   >>slots     >>threaded >>build-any >>refit    >>info      >>ray      >>tiles    >>surfaces >>passes
-                       >>algorithms >>public  >>sampling >>camera   >>raster   >>texture  >>shading  >>render
+                       >>kdtree   >>slots     >>threaded >>build-any >>refit    >>info      >>ray      >>frustum  >>tiles    >>surfaces
+                       >>passes   >>algorithms >>public  >>sampling >>camera   >>raster   >>texture  >>shading  >>render
        one pass a SIMD width (this file includes itself)  >>wide  >>boxes  >>primitives  >>traverse  >>large  >>batch  >>cover    >>shade
        license         >>license
 
@@ -4425,6 +4425,133 @@ RTI_INLINE int rti_lowest_bit(unsigned bits)
     return n;
 }
 
+/* ---- >>frustum ------------------------------------------------------------------------------------------------------ */
+
+#define RTI_STEEP 64.0f
+
+#endif
+#if RTI_IN(FRUSTUM)
+
+/* Around all rays of a large packet ([Overbeck] 4), from what bounds them.
+
+   Along the axis k, which all rays follow in the same direction, s = sign * (x[k] - start) runs from 0 to length, and on every ray
+   x[u], -x[u], x[v] and -x[v] are at least bound + slope * s: four side planes. They follow from where the rays cross two planes of constant
+   k, near and far ([Overbeck] 4.3), or, where all rays pass through one point, the apex, from their slopes alone (4.1, and 4.2 with the
+   light as the apex: s then runs from the light to the surface).
+   What culling must not lose is what the primitive test may find: that lies within pad of the exact ray (see rti_prepare), whose
+   largest in the packet, and what the floats of the frustum itself may lose, make the frustum's pad.
+   No frustum: where signs along k are mixed, rays are steeper than RTI_STEEP, begin before their origin (tmin < 0) or are far out. */
+RTI_SHARED(
+typedef struct {
+    float org_low[3], org_high[3], end_low[3], end_high[3];     /* of all rays; end: org + dir, not looked at where all orgs are one */
+    float way[3];                           /* where they go: the sum of all dirs, or the middle of their range */
+    float tmin, tmax, pad;
+    unsigned sides[3];                      /* bit 0: some ray goes up that axis, bit 1: some goes down */
+} rti_bundle;
+
+typedef struct {
+    int k, u, v;
+    int near_k, far_k;                      /* which of a box's bounds rays meet first and last along k */
+    float sign, start, length, pad;
+    float bound[4], slope[4];
+    float outside[4], rslope[4];            /* bound - pad; the inverse of slope */
+    float beyond[4];                        /* infinity with the sign that slope does not have */
+    float apex[3], sway;                    /* rays pass the apex within sway; negative: there is none */
+    float low[2], high[2], steep;           /* of the slopes along u and v; steep: the largest, sign aside */
+    float reach;                            /* the largest coordinates that come up */
+    bool to_point;                          /* the apex is where rays end, t = 1 */
+} rti_frustum;
+)
+
+/* Apex and axis; pad is that of the rays, and of the apex. False: there is no frustum. */
+RTI_SHARED(
+RTI_INLINE bool rti_aim_frustum(const rt_accel *accel, const rti_bundle *b, rti_frustum *f)
+{
+    bool from_point = true, to_point = b->tmax <= 1;
+    int k;
+    f->reach = 0;
+    for (k = 0; k < 3; k++) {
+        const float most = rti_maxf(fabsf(b->org_low[k]), fabsf(b->org_high[k]));
+        from_point = from_point && b->org_low[k] == b->org_high[k];
+        f->reach = rti_maxf(f->reach, most + rti_maxf(fabsf(accel->lower[k]), fabsf(accel->upper[k])));
+        to_point = to_point && b->end_high[k] - b->end_low[k] <= 4.8e-7f * (most + fabsf(b->end_low[k]) + fabsf(b->end_high[k]));
+    }
+    f->to_point = to_point && !from_point;
+    f->sway = from_point || to_point ? 0.0f : -1.0f;
+    for (k = 0; k < 3; k++) {
+        f->apex[k] = from_point ? b->org_low[k] : b->end_low[k] + (b->end_high[k] - b->end_low[k]) * 0.5f;
+        if (f->to_point) f->sway = rti_maxf(f->sway, b->end_high[k] - b->end_low[k] + 4.8e-7f * (f->reach + fabsf(f->apex[k])));
+    }
+    f->pad = b->pad + rti_maxf(f->sway, 0) + 2.4e-7f * f->reach;
+
+    f->k = fabsf(b->way[0]) > fabsf(b->way[1]) ? 0 : 1;
+    if (fabsf(b->way[2]) > fabsf(b->way[f->k])) f->k = 2;
+    f->u = f->k == 2 ? 0 : f->k + 1;
+    f->v = f->u == 2 ? 0 : f->u + 1;
+    f->sign = b->way[f->k] < 0 ? -1.0f : 1.0f;
+    return f->reach <= 1e15f && b->tmin >= 0 && fabsf(b->way[f->k]) < 1e35f && b->sides[f->k] != 3;
+}
+)
+
+/* From the slopes: where s begins and ends, and with an apex the side planes, which else rti_set_sides tells. shortest: the least |dir| along
+   k. False: there is no frustum, all being behind the rays, or far out: boxes tell. */
+RTI_SHARED(
+RTI_INLINE bool rti_span_frustum(const rt_accel *accel, const rti_bundle *b, rti_frustum *f, float shortest)
+{
+    int a;
+    f->steep = 0;
+    for (a = 0; a < 2; a++) f->steep = rti_maxf(f->steep, rti_maxf(fabsf(f->low[a]), fabsf(f->high[a])));
+    if (!(shortest >= 1e-20f) || !(f->steep <= RTI_STEEP)) return false;
+    if (f->sway >= 0) {
+        if (f->to_point) f->sign = -f->sign;    /* from where the rays end to where they start */
+        f->start = f->apex[f->k];
+        if (f->to_point) f->length = f->sign * ((f->sign > 0 ? b->org_high[f->k] : b->org_low[f->k]) - f->start);
+        else f->length = f->sign * ((f->sign > 0 ? accel->upper[f->k] : accel->lower[f->k]) - f->start);
+        for (a = 0; a < 2; a++) {
+            f->bound[2 * a] = f->apex[a ? f->v : f->u];
+            f->bound[2 * a + 1] = -f->bound[2 * a];
+            f->slope[2 * a] = f->sign > 0 ? f->low[a] : -f->high[a];
+            f->slope[2 * a + 1] = f->sign > 0 ? -f->high[a] : f->low[a];
+        }
+    } else {
+        const float scene = f->sign > 0 ? accel->upper[f->k] : accel->lower[f->k], end = f->sign > 0 ? b->end_high[f->k] : b->end_low[f->k];
+        f->start = f->sign > 0 ? b->org_low[f->k] : b->org_high[f->k];
+        f->length = f->sign * ((b->tmax <= 1 && f->sign * (end - scene) < 0 ? end : scene) - f->start);
+    }
+    f->reach += fabsf(f->length);
+    f->length += 2e-6f * (1 + f->steep) * f->reach;
+    return f->length > 0 && f->reach <= 1e15f;
+}
+)
+
+/* Side planes of axis a (0: u, 1: v), from the bounds of where all rays cross s = 0 and s = length: [Overbeck] 4.3. */
+RTI_SHARED(
+RTI_INLINE void rti_set_sides(rti_frustum *f, int a, float near_low, float near_high, float far_low, float far_high)
+{
+    f->bound[2 * a] = near_low;
+    f->bound[2 * a + 1] = -near_high;
+    f->slope[2 * a] = (far_low - near_low) / f->length;
+    f->slope[2 * a + 1] = -(far_high - near_high) / f->length;
+}
+
+RTI_INLINE void rti_close_frustum(rti_frustum *f)
+{
+    int i;
+    f->pad = (f->pad + 2e-6f * (1 + f->steep) * f->reach) * (1 + f->steep);
+    for (i = 0; i < 4; i++) {
+        const float slope = f->slope[i];
+        f->outside[i] = f->bound[i] - f->pad;
+        f->rslope[i] = 1 / (fabsf(slope) > 1e-7f ? slope : slope < 0 ? -1e-7f : 1e-7f);
+        f->beyond[i] = slope < 0 ? RTI_INFINITY : -RTI_INFINITY;
+    }
+    f->near_k = f->sign > 0 ? f->k : f->k + 3;
+    f->far_k = f->sign > 0 ? f->k + 3 : f->k;
+}
+)
+
+#endif
+#if RTI_IN(HOST)
+
 /* ---- >>tiles -------------------------------------------------------------------------------------------------------- */
 
 /* What >>raster makes and the kernels of >>cover read. */
@@ -7636,7 +7763,6 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_vfma RTI_NAME_(rti_vfma)
 #define rti_vquad RTI_NAME_(rti_vquad)
 #define rti_vapart RTI_NAME_(rti_vapart)
-#define rti_frustum RTI_NAME_(rti_frustum)
 #define rti_large RTI_NAME_(rti_large)
 #define rti_door RTI_NAME_(rti_door)
 #define rti_make_door RTI_NAME_(rti_make_door)
@@ -9353,30 +9479,10 @@ RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, 
 
 /* [Overbeck] 3 and 4: up to RT_MAX_PACKET x RT_MAX_PACKET rays go down the tree together, the SIMD ray (an rti_packet) being the smallest of
    them. Lanes without a legal ray, and those that need no more hits, have an empty interval: tmin infinite, t below it. Every test fails
-   for them by itself, so no masks are kept.
-
-   Frusta. Along the axis k, which all rays follow in the same direction, s = sign * (x[k] - start) runs from 0 to length, and on every ray
-   x[u], -x[u], x[v] and -x[v] are at least bound + slope * s: four side planes. They follow from where the rays cross two planes of constant
-   k, near and far ([Overbeck] 4.3), or, where all rays pass through one point, the apex, from their slopes alone (4.1, and 4.2 with the
-   light as the apex: s then runs from the light to the surface).
-   What culling must not lose is what the primitive test may find: that lies within pad of the exact ray (see rti_prepare), whose
-   largest in the packet, and what the floats of the frustum itself may lose, make the frustum's pad.
-   No frustum: where signs along k are mixed, rays are steeper than RTI_STEEP, begin before their origin (tmin < 0) or are far out. */
+   for them by itself, so no masks are kept. */
 
 #define RTI_SIMD_RAYS (RT_MAX_PACKET * RT_MAX_PACKET / RTI_WIDTH)   /* of the largest packet */
-#define RTI_STEEP 64.0f
 #define RTI_NESTED (256 / RTI_WIDTH)        /* SIMD rays that go through an instance together */
-
-typedef struct {
-    int k, u, v;
-    int near_k, far_k;                      /* which of a box's bounds rays meet first and last along k */
-    float sign, start, length, pad;
-    float bound[4], slope[4];
-    float outside[RTI_WIDTH], slopes[RTI_WIDTH], rslopes[RTI_WIDTH];    /* four lanes, twice with 8: bound - pad, slope and its inverse; */
-    float beyond[RTI_WIDTH];                /* infinity with the sign that slope does not have */
-    float apex[3], sway;                    /* rays pass the apex within sway; negative: there is none */
-    float low[2], high[2], steep;           /* of the slopes along u and v; steep: the largest, sign aside */
-} rti_frustum;
 
 typedef struct {
     rti_packet *rays;                       /* SIMD rays */
@@ -9389,6 +9495,7 @@ typedef struct {
     float pad, near_org[3], far_org[3];     /* of all rays; what is subtracted from those planes: the apex, if any, and the pad */
     float way[3];                           /* the sum of all dirs */
     rti_frustum frustum;
+    float outside[RTI_WIDTH], slopes[RTI_WIDTH], rslopes[RTI_WIDTH], beyond[RTI_WIDTH];     /* of it: four lanes, twice with 8 */
     rt_cull cull;                           /* RT_CULL_NONE where there is no frustum */
     unsigned char order[RTI_SIMD_RAYS];     /* SIMD rays: the living first (Partition), or scratch */
 } rti_large;
@@ -9478,12 +9585,13 @@ RTI_FN void rti_range_add(rti_range *r, int k, rti_v x)
     r->high[k] = rti_vmax(x, r->high[k]);
 }
 
-/* Slopes u / k and v / k of all rays, kept in them; their bounds. False: some ray does not follow axis k that way, or is too short to
-   tell. */
-RTI_FN bool rti_survey_slopes(const rti_large *g, rti_frustum *f)
+/* Slopes u / k and v / k of all rays, kept in them; their bounds. Answers the least |dir| along k; not above 0: some ray does not follow it that
+   way. */
+RTI_FN float rti_survey_slopes(const rti_large *g, rti_frustum *f)
 {
     rti_range range = rti_no_range();
     rti_v shortest = rti_vset(RTI_INFINITY);
+    float least, most;
     int i, a;
     for (i = 0; i < g->count; i++) {
         rti_packet *p = &g->rays[i];
@@ -9496,12 +9604,9 @@ RTI_FN bool rti_survey_slopes(const rti_large *g, rti_frustum *f)
             rti_range_add(&range, a, slope);
         }
     }
-    f->steep = 0;
-    for (a = 0; a < 2; a++) {
-        rti_lane_range(range.low[a], range.high[a], &f->low[a], &f->high[a]);
-        f->steep = rti_maxf(f->steep, rti_maxf(fabsf(f->low[a]), fabsf(f->high[a])));
-    }
-    return rti_vle(rti_vset(1e-20f), shortest) == RTI_ALL_LANES && f->steep <= RTI_STEEP;
+    for (a = 0; a < 2; a++) rti_lane_range(range.low[a], range.high[a], &f->low[a], &f->high[a]);
+    rti_lane_range(shortest, shortest, &least, &most);
+    return least;
 }
 
 /* Where all rays cross the planes at s = 0 and at s = length: [Overbeck] 4.3. */
@@ -9524,10 +9629,7 @@ RTI_FN void rti_bound_general(const rti_large *g, rti_frustum *f)
     for (a = 0; a < 2; a++) {
         float low[2], high[2];
         for (end = 0; end < 2; end++) rti_lane_range(range[end].low[a], range[end].high[a], &low[end], &high[end]);
-        f->bound[2 * a] = low[0];
-        f->bound[2 * a + 1] = -high[0];
-        f->slope[2 * a] = (low[1] - low[0]) / f->length;
-        f->slope[2 * a + 1] = -(high[1] - high[0]) / f->length;
+        rti_set_sides(f, a, low[0], high[0], low[1], high[1]);
     }
 }
 
@@ -9580,14 +9682,14 @@ RTI_FN bool rti_prepare_shared(const rt_accel *accel, rti_large *g)
 RTI_NOINLINE RTI_TARGET void rti_make_frustum(const rt_accel *accel, rti_large *g, rt_cull cull)
 {
     rti_frustum *f = &g->frustum;
+    rti_bundle bundle;
     rti_range orgs = rti_no_range(), ends = rti_no_range();
     rti_v sum[3], pads = rti_vset(0), first = rti_vset(RTI_INFINITY), last = rti_vset(-RTI_INFINITY);
-    float org_low[3], org_high[3], reach = 0, pad, slack, tmin, tmax, unused;
-    float end_low[3] = { 0, 0, 0 }, end_high[3] = { 0, 0, 0 }, lanes[RTI_WIDTH], most;
-    unsigned sides[3] = { 0, 0, 0 };        /* bit 0: some ray goes up that axis, bit 1: some goes down */
-    bool from_point = true, to_point;
+    float lanes[RTI_WIDTH], unused;
+    bool aimed;
     int i, k;
     sum[0] = sum[1] = sum[2] = rti_vset(0);
+    bundle.sides[0] = bundle.sides[1] = bundle.sides[2] = 0;
     for (i = 0; i < g->count; i++) {
         const rti_packet *p = &g->rays[i];
         first = rti_vmin(rti_vload(p->tmin), first);
@@ -9597,7 +9699,7 @@ RTI_NOINLINE RTI_TARGET void rti_make_frustum(const rt_accel *accel, rti_large *
             const rti_v dir = rti_vload(p->dir[k]);
             const unsigned negative = rti_vnegative(dir);
             sum[k] = rti_vadd(sum[k], dir);
-            sides[k] |= (unsigned)(negative != RTI_ALL_LANES) | (unsigned)(negative != 0) << 1;
+            bundle.sides[k] |= (unsigned)(negative != RTI_ALL_LANES) | (unsigned)(negative != 0) << 1;
         }
         if (g->shared) continue;
         pads = rti_vmax(rti_vload(p->pad), pads);
@@ -9608,86 +9710,48 @@ RTI_NOINLINE RTI_TARGET void rti_make_frustum(const rt_accel *accel, rti_large *
             rti_range_add(&ends, k, rti_vadd(org, rti_vload(p->dir[k])));
         }
     }
-    rti_lane_range(first, last, &tmin, &tmax);
+    rti_lane_range(first, last, &bundle.tmin, &bundle.tmax);
     if (!g->shared) rti_lane_range(pads, pads, &unused, &g->pad);
-    to_point = !g->shared && tmax <= 1;
+    bundle.pad = g->pad;
     g->uniform = true;
     for (k = 0; k < 3; k++) {
-        org_low[k] = org_high[k] = g->rays[0].org[k][0];
+        bundle.org_low[k] = bundle.org_high[k] = g->rays[0].org[k][0];
+        bundle.end_low[k] = bundle.end_high[k] = 0;
         if (!g->shared) {
-            rti_lane_range(orgs.low[k], orgs.high[k], &org_low[k], &org_high[k]);
-            rti_lane_range(ends.low[k], ends.high[k], &end_low[k], &end_high[k]);
+            rti_lane_range(orgs.low[k], orgs.high[k], &bundle.org_low[k], &bundle.org_high[k]);
+            rti_lane_range(ends.low[k], ends.high[k], &bundle.end_low[k], &bundle.end_high[k]);
         }
-        from_point = from_point && org_low[k] == org_high[k];
         rti_vstore(lanes, sum[k]);
         g->way[k] = 0;
         for (i = 0; i < RTI_WIDTH; i++) g->way[k] += lanes[i];
-        if (sides[k] == 3) g->uniform = false;
-        most = rti_maxf(fabsf(org_low[k]), fabsf(org_high[k]));
-        reach = rti_maxf(reach, most + rti_maxf(fabsf(accel->lower[k]), fabsf(accel->upper[k])));
-        to_point = to_point && end_high[k] - end_low[k] <= 4.8e-7f * (most + fabsf(end_low[k]) + fabsf(end_high[k]));
+        bundle.way[k] = g->way[k];
+        if (bundle.sides[k] == 3) g->uniform = false;
     }
-    to_point = to_point && !from_point;
-    g->apex = from_point || to_point;
-    g->apex_t = to_point ? 1 : 0;
-    f->sway = g->apex ? 0.0f : -1.0f;
+    aimed = rti_aim_frustum(accel, &bundle, f);
+    g->apex = f->sway >= 0;
+    g->apex_t = f->to_point ? 1 : 0;
     for (k = 0; k < 3; k++) {
-        f->apex[k] = from_point ? org_low[k] : end_low[k] + (end_high[k] - end_low[k]) * 0.5f;
-        if (to_point) f->sway = rti_maxf(f->sway, end_high[k] - end_low[k] + 4.8e-7f * (reach + fabsf(f->apex[k])));
-    }
-    pad = g->pad + rti_maxf(f->sway, 0) + 2.4e-7f * reach;
-    for (k = 0; k < 3; k++) {
+        const bool down = (bundle.sides[k] & 2) != 0;
         const float at = g->apex ? f->apex[k] : 0;
-        g->near_plane[k] = k + (sides[k] & 2 ? 3 : 0);
-        g->far_plane[k] = k + (sides[k] & 2 ? 0 : 3);
-        g->near_org[k] = sides[k] & 2 ? at - pad : at + pad;
-        g->far_org[k] = sides[k] & 2 ? at + pad : at - pad;
+        g->near_plane[k] = k + (down ? 3 : 0);
+        g->far_plane[k] = k + (down ? 0 : 3);
+        g->near_org[k] = down ? at - f->pad : at + f->pad;
+        g->far_org[k] = down ? at + f->pad : at - f->pad;
     }
 
     g->cull = RT_CULL_NONE;
-    f->k = fabsf(g->way[0]) > fabsf(g->way[1]) ? 0 : 1;
-    if (fabsf(g->way[2]) > fabsf(g->way[f->k])) f->k = 2;
-    f->u = f->k == 2 ? 0 : f->k + 1;
-    f->v = f->u == 2 ? 0 : f->u + 1;
-    f->sign = g->way[f->k] < 0 ? -1.0f : 1.0f;
-    if (!(reach <= 1e15f) || !(tmin >= 0) || !(fabsf(g->way[f->k]) < 1e35f) || sides[f->k] == 3 || !rti_survey_slopes(g, f)) {
-        f->sway = -1;
-        return;
-    }
-    slack = 2e-6f * (1 + f->steep);
-    if (g->apex) {
-        if (to_point) f->sign = -f->sign;   /* from where the rays end to where they start */
-        f->start = f->apex[f->k];
-        if (to_point) f->length = f->sign * ((f->sign > 0 ? org_high : org_low)[f->k] - f->start);
-        else f->length = f->sign * ((f->sign > 0 ? accel->upper : accel->lower)[f->k] - f->start);
-        for (i = 0; i < 2; i++) {
-            f->bound[2 * i] = f->apex[i ? f->v : f->u];
-            f->bound[2 * i + 1] = -f->bound[2 * i];
-            f->slope[2 * i] = f->sign > 0 ? f->low[i] : -f->high[i];
-            f->slope[2 * i + 1] = f->sign > 0 ? -f->high[i] : f->low[i];
-        }
-    } else {
-        const float scene = (f->sign > 0 ? accel->upper : accel->lower)[f->k], end = (f->sign > 0 ? end_high : end_low)[f->k];
-        f->start = (f->sign > 0 ? org_low : org_high)[f->k];
-        f->length = f->sign * ((tmax <= 1 && f->sign * (end - scene) < 0 ? end : scene) - f->start);
-    }
-    reach += fabsf(f->length);
-    f->length += slack * reach;
-    if (!(f->length > 0) || !(reach <= 1e15f)) {        /* all is behind the rays, or far out: boxes tell */
+    if (!aimed || !rti_span_frustum(accel, &bundle, f, rti_survey_slopes(g, f))) {
         f->sway = -1;
         return;
     }
     if (f->sway < 0) rti_bound_general(g, f);
-    f->pad = (pad + slack * reach) * (1 + f->steep);
+    rti_close_frustum(f);
     for (i = 0; i < RTI_WIDTH; i++) {
-        const float slope = f->slope[i % 4];
-        f->outside[i] = f->bound[i % 4] - f->pad;
-        f->slopes[i] = slope;
-        f->rslopes[i] = 1 / (fabsf(slope) > 1e-7f ? slope : slope < 0 ? -1e-7f : 1e-7f);
-        f->beyond[i] = slope < 0 ? RTI_INFINITY : -RTI_INFINITY;
+        g->outside[i] = f->outside[i % 4];
+        g->slopes[i] = f->slope[i % 4];
+        g->rslopes[i] = f->rslope[i % 4];
+        g->beyond[i] = f->beyond[i % 4];
     }
-    f->near_k = f->sign > 0 ? f->k : f->k + 3;
-    f->far_k = f->sign > 0 ? f->k + 3 : f->k;
     g->cull = cull;
 }
 
@@ -9700,13 +9764,13 @@ RTI_FN bool rti_cull_box(const rti_large *g, const float *bounds)
     const float at = f->sign * f->start, lo = f->sign * bounds[f->near_k] - at - f->pad, hi = f->sign * bounds[f->far_k] - at + f->pad;
     const float from = lo > 0 ? lo : 0, to = hi < f->length ? hi : f->length;
     const rti_v most = rti_vquad(bounds[3 + f->u], -bounds[f->u], bounds[3 + f->v], -bounds[f->v]);
-    const rti_v room = rti_vsub(most, rti_vload(f->outside)), slope = rti_vload(f->slopes);
+    const rti_v room = rti_vsub(most, rti_vload(g->outside)), slope = rti_vload(g->slopes);
     if (from > to) return true;
     if (g->cull & RT_CULL_PLANES && rti_vlt(room, rti_vmin(rti_vmul(slope, rti_vset(from)), rti_vmul(slope, rti_vset(to))))) return true;
     if (g->cull & RT_CULL_CORNERS) {        /* a plane leaves the box at s or enters it there: min and max over lanes, by pairs */
-        const rti_v s = rti_vmul(room, rti_vload(f->rslopes));
-        const rti_v last = rti_vmin(rti_vmax(s, rti_vload(f->beyond)), rti_vset(to));
-        const rti_v first = rti_vmax(rti_vmin(s, rti_vload(f->beyond)), rti_vset(from));
+        const rti_v s = rti_vmul(room, rti_vload(g->rslopes));
+        const rti_v last = rti_vmin(rti_vmax(s, rti_vload(g->beyond)), rti_vset(to));
+        const rti_v first = rti_vmax(rti_vmin(s, rti_vload(g->beyond)), rti_vset(from));
         return rti_vapart(last, first);
     }
     return false;
@@ -11153,7 +11217,6 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec
 #undef rti_vfma
 #undef rti_vquad
 #undef rti_vapart
-#undef rti_frustum
 #undef rti_large
 #undef rti_door
 #undef rti_make_door
@@ -11219,7 +11282,6 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec
 #undef rti_cover_queue
 #undef rti_cover
 #undef RTI_SIMD_RAYS
-#undef RTI_STEEP
 #undef RTI_NESTED
 #undef RTI_FN
 #undef RTI_ALL_LANES

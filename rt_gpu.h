@@ -113,7 +113,10 @@ RT_API size_t rt_gpu_bytes(const rt_gpu_accel *accel);
      RT_KD_STACK, RT_KD_RESTART, RT_KD_PUSHDOWN, RT_KD_SHORTSTACK, RT_BVH_SIMD   1: a ray a work-item; 2, 8, 16: packets of 2x2, 8, 16
      RT_KD_BACKTRACK, RT_BVH_STACK, RT_BVH_WIDE, RT_THREADED_SINGLE              1
      RT_THREADED_PARALLEL                                2, 4, 8, 16 rays
-   RT_BVH_MASKED, RT_BVH_RANGED and RT_BVH_PARTITION have no kernels: RT_ERROR_UNSUPPORTED. RT_AUTO takes what measures fastest on the kind of device. A program is compiled where none fits yet, which takes seconds.
+     RT_BVH_MASKED, RT_BVH_RANGED, RT_BVH_PARTITION      4, 8, 16, 32: packets of 4x4 to 32x32, culled as opt->cull says
+   A large packet is a work-group. Its work-items have a ray each, or eight on a CPU, and go through instances each by itself. It takes local
+   memory, up to 45 KB on a GPU (RT_BVH_PARTITION, 32x32) and 48 KB on a CPU; RT_ERROR_UNSUPPORTED: the device has less.
+   RT_AUTO takes what measures fastest on the kind of device. A program is compiled where none fits yet, which takes seconds.
    Copies rays to the device and hits back, a million at a time. */
 RT_API rt_status rt_gpu_trace(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt, const rt_ray *rays, size_t count,
                               rt_hit *hits);
@@ -353,7 +356,8 @@ struct rt_gpu {
     rti_cl_api cl;
     rti_cl device, context, queue;
     rt_gpu_info info;
-    size_t group, memory_limit, used;       /* group: most work-items of one; bytes that may be and are taken */
+    size_t group, local;                    /* most work-items of a group, and bytes of its memory */
+    size_t memory_limit, used;              /* bytes that may be and are taken */
     bool general;
     char *flags, *log;
     rti_gpu_program *programs;
@@ -522,6 +526,7 @@ RT_API rt_status rt_gpu_open(rt_gpu **out, const rt_gpu_options *opt)
         gpu->memory_limit = opt->memory_limit;
         if (!gpu->memory_limit || gpu->memory_limit > gpu->info.memory) gpu->memory_limit = (size_t)gpu->info.memory;
         gpu->group = (size_t)rti_gpu_number(&gpu->cl, gpu->device, RTI_CL_DEVICE_MAX_GROUP);
+        gpu->local = (size_t)rti_gpu_number(&gpu->cl, gpu->device, RTI_CL_DEVICE_LOCAL);
         gpu->flags = rti_gpu_copy_text(opt->flags ? opt->flags : "", gpu->memory_user);
         if (!gpu->flags) status = rti_fail(opt->error, RT_ERROR_MEMORY, RT_NONE, "no memory for a context");
     }
@@ -685,32 +690,34 @@ RT_API rt_status rt_gpu_read(rt_gpu_buffer *buffer, size_t offset, void *to, siz
 #define RTI_TEXT_TYPES          2
 #define RTI_TEXT_BASE           3
 #define RTI_TEXT_DEVICE         4
-#define RTI_TEXT_LANE           5
-#define RTI_TEXT_LANES          6
-#define RTI_TEXT_EITHER         7
-#define RTI_TEXT_PASS           8
-#define RTI_TEXT_KD             9
-#define RTI_TEXT_THREADED       10
-#define RTI_TEXT_WIDE           11
-#define RTI_TEXT_INSTANCES      12
-#define RTI_TEXT_LEAF           13
-#define RTI_TEXT_BVH            14
-#define RTI_TEXT_WIDE_BODY      15
-#define RTI_TEXT_RUN            16
-#define RTI_TEXT_KD_LEAF        17
-#define RTI_TEXT_KD_STACK       18
-#define RTI_TEXT_KD_RESTART     19
-#define RTI_TEXT_THREADED_BODY  20
-#define RTI_TEXT_WALK           21
-#define RTI_TEXT_RAYS           22
-#define RTI_TEXT_TRACE          23
-#define RTI_TEXT_SCENE          24
-#define RTI_TEXT_COVER          25
-#define RTI_TEXT_SHADES         26
-#define RTI_TEXT_SHADING        27
-#define RTI_TEXT_SHADE          28
-#define RTI_TEXT_FRAME          29
-#define RTI_TEXT_STEPS          30
+#define RTI_TEXT_FRUSTUM        5
+#define RTI_TEXT_LANE           6
+#define RTI_TEXT_LANES          7
+#define RTI_TEXT_EITHER         8
+#define RTI_TEXT_PASS           9
+#define RTI_TEXT_KD             10
+#define RTI_TEXT_THREADED       11
+#define RTI_TEXT_WIDE           12
+#define RTI_TEXT_INSTANCES      13
+#define RTI_TEXT_LEAF           14
+#define RTI_TEXT_BVH            15
+#define RTI_TEXT_WIDE_BODY      16
+#define RTI_TEXT_RUN            17
+#define RTI_TEXT_KD_LEAF        18
+#define RTI_TEXT_KD_STACK       19
+#define RTI_TEXT_KD_RESTART     20
+#define RTI_TEXT_THREADED_BODY  21
+#define RTI_TEXT_WALK           22
+#define RTI_TEXT_RAYS           23
+#define RTI_TEXT_TRACE          24
+#define RTI_TEXT_LARGE          25
+#define RTI_TEXT_SCENE          26
+#define RTI_TEXT_COVER          27
+#define RTI_TEXT_SHADES         28
+#define RTI_TEXT_SHADING        29
+#define RTI_TEXT_SHADE          30
+#define RTI_TEXT_FRAME          31
+#define RTI_TEXT_STEPS          32
 
 #define RTI_TEXT RTI_TEXT_LAYOUT            /* as C */
 #include RT_GPU_KERNELS
@@ -1235,11 +1242,15 @@ static const char *const rti_gpu_texts[] = {
 #define RTI_TEXT RTI_TEXT_BASE
 #include RT_SELF
 #undef RTI_TEXT
-#define RTI_PASS                            /* where the rest of rt.h stands */
     "", NULL,
 #define RTI_TEXT RTI_TEXT_DEVICE
 #include RT_GPU_KERNELS
 #undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_FRUSTUM
+#include RT_SELF
+#undef RTI_TEXT
+#define RTI_PASS                            /* where the rest of rt.h stands */
     "", NULL,
 #define RTI_TEXT RTI_TEXT_LANE
 #include RT_GPU_KERNELS
@@ -1314,6 +1325,10 @@ static const char *const rti_gpu_texts[] = {
 #undef RTI_TEXT
     "", NULL,
 #define RTI_TEXT RTI_TEXT_TRACE
+#include RT_GPU_KERNELS
+#undef RTI_TEXT
+    "", NULL,
+#define RTI_TEXT RTI_TEXT_LARGE
 #include RT_GPU_KERNELS
 #undef RTI_TEXT
     "", NULL,
@@ -1397,8 +1412,8 @@ static void rti_gpu_append_part(rti_gpu_source *s, int part)
 
 /* Which program: all that it is compiled for. Compared as bytes. */
 typedef struct {
-    uint32_t algorithm, query, width, entries;
-    uint32_t general;                       /* 1: algorithm stands for all of its structure and width, and entries for as many or fewer */
+    uint32_t algorithm, query, width, entries, cull;
+    uint32_t general;                       /* 1: algorithm and cull stand for all of their kind, and entries for as many or fewer */
     uint32_t level_count;
     rti_gpu_level levels[RT_MAX_NESTING + 1];
     uint32_t kind;                          /* rti_gpu_kind_of_program; of RTI_GPU_FRAMES: */
@@ -1419,6 +1434,7 @@ struct rti_gpu_program {
     rti_gpu_program *next;
     rti_gpu_key key;
     rti_cl program, kernels[RTI_GPU_KERNEL_COUNT];
+    size_t group;                           /* work-items of a group at most */
 };
 
 /* Names that stand in a program once a level. */
@@ -1438,11 +1454,19 @@ struct rti_gpu_program {
 #endif
 #endif
 #define RTI_GPU_NUMBERS(X) RTI_GPU_SHADING_NUMBERS(X) X(RT_CLOSEST) X(RT_ANY) X(RT_KDTREE) X(RT_KD_STACK) X(RT_KD_RESTART) X(RT_KD_BACKTRACK) \
+    X(RT_BVH_MASKED) X(RT_BVH_PARTITION) X(RT_CULL_NONE) X(RT_CULL_CORNERS) X(RT_CULL_PLANES) \
     X(RTI_TRIANGLE) X(RTI_SPHERE) X(RTI_INSTANCE) X(RTI_WALK_ANY) X(RTI_WALK_ALL) X(RTI_WALK_COUNT) X(RTI_WALK_LIKELY) \
     X(RTI_KIND_SHIFT) X(RTI_MIXED) X(RTI_KD_PAIR) X(RTI_SEEN)
 #define RTI_GPU_BITS(X) X(RT_NONE) X(RTI_END) X(RTI_COUNT_MASK) X(RTI_LEAF) X(RTI_KD_LOWER_EMPTY) X(RTI_KD_EMPTY) \
     X(RTI_GPU_ALIGN)
-#define RTI_GPU_FLOATS(X) X(RT_MAX_COORDINATE) X(RT_MIN_DIRECTION) X(RT_MAX_DIRECTION)
+#define RTI_GPU_FLOATS(X) X(RT_MAX_COORDINATE) X(RT_MIN_DIRECTION) X(RT_MAX_DIRECTION) X(RTI_STEEP)
+
+static bool rti_gpu_is_large(uint32_t algorithm) { return algorithm >= RT_BVH_MASKED && algorithm <= RT_BVH_PARTITION; }
+
+/* Large packets: may there be a frustum? Do work-items read each other's rays, and how many numbers of one (see rti_row)? */
+static bool rti_gpu_culls(const rti_gpu_key *key) { return key->general || key->cull; }
+static bool rti_gpu_shares(const rt_gpu *gpu, const rti_gpu_key *key) { return !gpu->info.gpu || key->general || key->algorithm == RT_BVH_PARTITION; }
+static uint32_t rti_gpu_rows(const rt_gpu *gpu) { return gpu->info.gpu ? 9 : 11; }
 
 /* All that holds for the whole program. */
 static void rti_gpu_define_all(rti_gpu_source *s, const rt_gpu *gpu, const rti_gpu_key *key)
@@ -1464,10 +1488,15 @@ static void rti_gpu_define_all(rti_gpu_source *s, const rt_gpu *gpu, const rti_g
     if (key->general) {
         rti_gpu_define(s, "RTI_ALGORITHM algorithm");
         rti_gpu_define(s, "RTI_ENTRIES entries");
+        rti_gpu_define(s, "RTI_CULL cull");
     } else {
         rti_gpu_define(s, "RTI_ALGORITHM %u", key->algorithm);
         rti_gpu_define(s, "RTI_ENTRIES %u", key->entries);
+        rti_gpu_define(s, "RTI_CULL %u", key->cull);
     }
+    rti_gpu_define(s, "RTI_CULLS %d", (int)rti_gpu_culls(key));
+    rti_gpu_define(s, "RTI_SHARES %d", (int)rti_gpu_shares(gpu, key));
+    rti_gpu_define(s, "RTI_ROWS %u", rti_gpu_rows(gpu));
     rti_gpu_define(s, "RTI_SHORT_STACK %u", key->entries ? key->entries : 1);
     rti_gpu_define(s, "RTI_MOVES %d", (int)moves);
     rti_gpu_define(s, "RTI_WIDTH %u", key->width);
@@ -1513,7 +1542,7 @@ static void rti_gpu_append_level(rti_gpu_source *s, const rti_gpu_key *key, uint
     const bool kd = (level->structures & 1u << RT_KDTREE) != 0, threaded = (level->structures & 1u << RT_THREADED) != 0;
     const bool stack = key->general || key->algorithm == RT_KD_STACK || key->algorithm == RT_KD_BACKTRACK;
     const bool restart = key->general || key->algorithm != RT_KD_STACK;
-    const bool instances = i + 1 < key->level_count;
+    const bool instances = i + 1 < key->level_count, large = !i && rti_gpu_is_large(key->algorithm);     /* walked in LARGE */
     const uint32_t all = level->kinds & ~(1u << RTI_TRIANGLE) ? RTI_WALK_ALL : 0, any = key->query == RT_ANY ? RTI_WALK_ANY : 0;
     uint32_t depth = level->depth > 0 ? level->depth : 1;
     size_t n;
@@ -1545,6 +1574,7 @@ static void rti_gpu_append_level(rti_gpu_source *s, const rti_gpu_key *key, uint
         rti_gpu_define(s, "RTI_NOINLINE RTI_CALL");
     }
     rti_gpu_append_part(s, RTI_TEXT_LEAF);
+    if (large) return;
     if (!bvh) RTI_GPU_GONE(rti_walk_bvh, "(a, b, c, d, e, f)")
     else rti_gpu_append_part(s, wide ? RTI_TEXT_WIDE_BODY : RTI_TEXT_BVH);
     if (kd) rti_gpu_append_part(s, RTI_TEXT_RUN);
@@ -1593,6 +1623,7 @@ static void rti_gpu_write_frame(rti_gpu_source *s, const rti_gpu_key *key)
 
 static void rti_gpu_write_program(rti_gpu_source *s, const rt_gpu *gpu, const rti_gpu_key *key)
 {
+    const bool large = rti_gpu_is_large(key->algorithm);
     bool kd = false, threaded = false;
     uint32_t i;
     for (i = 0; i < key->level_count; i++) {
@@ -1603,6 +1634,7 @@ static void rti_gpu_write_program(rti_gpu_source *s, const rt_gpu *gpu, const rt
     rti_gpu_append_part(s, RTI_TEXT_TYPES);
     rti_gpu_append_part(s, RTI_TEXT_BASE);
     rti_gpu_append_part(s, RTI_TEXT_DEVICE);
+    if (large) rti_gpu_append_part(s, RTI_TEXT_FRUSTUM);
     rti_gpu_append_part(s, key->width == 1 ? RTI_TEXT_LANE : RTI_TEXT_LANES);
     rti_gpu_append_part(s, RTI_TEXT_EITHER);
 #ifndef RT_NO_SHADING
@@ -1624,7 +1656,7 @@ static void rti_gpu_write_program(rti_gpu_source *s, const rt_gpu *gpu, const rt
         return;
     }
 #endif
-    rti_gpu_append_part(s, RTI_TEXT_TRACE);
+    rti_gpu_append_part(s, large ? RTI_TEXT_LARGE : RTI_TEXT_TRACE);
 }
 
 /* The compiler's words to gpu->log, and the first of them that say error to the message. */
@@ -1651,6 +1683,15 @@ static void rti_gpu_release_program(rt_gpu *gpu, rti_gpu_program *program)
     for (i = 0; i < RTI_GPU_KERNEL_COUNT; i++)
         if (program->kernels[i]) gpu->cl.ReleaseKernel(program->kernels[i]);
     if (program->program) gpu->cl.ReleaseProgram(program->program);
+}
+
+/* Of what a driver tells of a kernel; 0: it does not. */
+static size_t rti_gpu_kernel_number(const rt_gpu *gpu, rti_cl kernel, rti_cl_uint what)
+{
+    union { uint64_t wide; size_t size; } number;
+    number.wide = 0;
+    if (gpu->cl.GetKernelWorkGroupInfo(kernel, gpu->device, what, sizeof number, &number, NULL) != RTI_CL_SUCCESS) return 0;
+    return what == RTI_CL_GROUP_SIZE ? number.size : (size_t)number.wide;
 }
 
 static rt_status rti_gpu_compile(rt_gpu *gpu, const rti_gpu_key *key, rti_gpu_program **out, rt_error *error)
@@ -1683,7 +1724,7 @@ static rt_status rti_gpu_compile(rt_gpu *gpu, const rti_gpu_key *key, rti_gpu_pr
         if (code != RTI_CL_SUCCESS) {
             status = rti_gpu_refused(gpu, program->program, code, error);
             rti_gpu_release_program(gpu, program);
-        }
+        } else program->group = rti_gpu_kernel_number(gpu, program->kernels[0], RTI_CL_GROUP_SIZE);
     }
     rti_release(all, gpu->memory_user);
     rti_release(s.text, s.user);
@@ -1740,17 +1781,20 @@ static void rti_gpu_set_levels(const rt_gpu *gpu, const rt_gpu_accel *accel, rti
 /* A call of rt_gpu_trace, resolved. */
 typedef struct {
     rti_gpu_program *program;
-    int32_t algorithm, entries;             /* for those that are for several */
+    int32_t algorithm, entries, cull;       /* for those that are for several */
+    uint32_t side;                          /* of large packets: rays a side; 0: packets of a work-item */
+    uint32_t items, rows, numbers;          /* their work-items, and local memory: floats and 16 bits */
 } rti_gpu_task;
 
-/* Packet widths in the rt_trace_options sense that there are kernels for; the default first. */
+/* Packet widths in the rt_trace_options sense that there are kernels for. */
 static const int *rti_gpu_width_list(rt_algorithm algorithm, size_t *n)
 {
-    static const int one[] = { 1 }, lanes[] = { 1, 2, 8, 16 }, rays[] = { 2, 4, 8, 16 };
+    static const int one[] = { 1 }, lanes[] = { 1, 2, 8, 16 }, rays[] = { 2, 4, 8, 16 }, sides[] = { 4, 8, 16, RT_MAX_PACKET };
     *n = 4;
     if (algorithm == RT_THREADED_PARALLEL) return rays;
     if (algorithm == RT_BVH_SIMD || (algorithm >= RT_KD_STACK && algorithm < RT_KD_BACKTRACK)) return lanes;
-    *n = algorithm >= RT_BVH_MASKED && algorithm <= RT_BVH_PARTITION ? 0 : 1;
+    if (rti_gpu_is_large((uint32_t)algorithm)) return sides;
+    *n = 1;
     return one;
 }
 
@@ -1771,22 +1815,48 @@ static void rti_gpu_generalise(rti_gpu_key *key)
     if (key->algorithm >= RT_KD_STACK && key->algorithm <= RT_KD_BACKTRACK) {
         key->algorithm = RT_KD_SHORTSTACK;
         key->entries = RT_MAX_SHORT_STACK;
+    } else if (rti_gpu_is_large(key->algorithm)) {
+        key->algorithm = RT_BVH_MASKED;
+        key->cull = RT_CULL_NONE;
     } else if (key->algorithm == RT_BVH_SIMD) key->algorithm = RT_BVH_STACK;
     else if (key->algorithm == RT_THREADED_PARALLEL) key->algorithm = RT_THREADED_SINGLE;
 }
 
-static rt_status rti_gpu_find_program(rt_gpu *gpu, const rti_gpu_key *key, rti_gpu_program **program, rt_error *error)
+/* Compiled, unless it has been. */
+static rt_status rti_gpu_find_program(rt_gpu *gpu, const rti_gpu_key *key, rti_gpu_program **out, rt_error *error)
 {
-    for (*program = gpu->programs; *program; *program = (*program)->next)
-        if (!memcmp(&(*program)->key, key, sizeof *key)) return RT_OK;
-    return rti_gpu_compile(gpu, key, program, error);
+    rti_gpu_program *program = gpu->programs;
+    while (program && memcmp(&program->key, key, sizeof *key)) program = program->next;
+    *out = program;
+    return program ? RT_OK : rti_gpu_compile(gpu, key, out, error);
 }
 
-/* From options to the program that does it. */
-static rt_status rti_gpu_choose_program(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt, rti_gpu_task *task)
+/* A large packet is a work-group: of more rays a work-item where there are few in one, or the compiled kernel has room for few. */
+static rt_status rti_gpu_fit_large(rt_gpu *gpu, rti_gpu_key *key, rti_gpu_task *task, rt_error *error)
+{
+    const uint32_t rays = task->side * task->side, fixed = 8 * key->levels[0].depth + 1536;    /* of the stack, and more than the frustum and so on */
+    const bool shares = rti_gpu_shares(gpu, key);
+    size_t group = gpu->group, bytes = 0;
+    for (key->width = gpu->info.gpu ? 1 : 8; key->width <= 16; key->width *= key->width == 1 ? 4 : 2) {
+        rt_status status;
+        task->items = rays / key->width;
+        task->rows = shares ? rti_gpu_rows(gpu) * rays : rti_gpu_culls(key) ? 8 * task->items : 1;
+        task->numbers = shares ? 3 * task->items : 1;
+        bytes = 4 * (size_t)task->rows + 2 * (size_t)task->numbers + fixed;
+        if (task->items > gpu->group || bytes > gpu->local) continue;
+        if ((status = rti_gpu_find_program(gpu, key, &task->program, error)) != RT_OK) return status;
+        if (task->program->group) group = task->program->group;
+        if (task->items <= group) return RT_OK;
+    }
+    return rti_fail(error, RT_ERROR_UNSUPPORTED, RT_NONE, "%ux%u rays take %u work-items and %u bytes of local memory; device %.64s has %u and %u together%s",
+                    (unsigned)task->side, (unsigned)task->side, (unsigned)task->items, (unsigned)bytes, gpu->info.name, (unsigned)group,
+                    (unsigned)gpu->local, task->side > 4 ? ": a smaller packet_width may do" : "");
+}
+
+/* From options to what a program for them is compiled for. */
+static rt_status rti_gpu_resolve(const rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt, rti_gpu_task *task, rti_gpu_key *key)
 {
     rt_algorithm algorithm = opt->algorithm;
-    rti_gpu_key key;
     const int *widths;
     int width = opt->packet_width;
     size_t n, i;
@@ -1803,20 +1873,46 @@ static rt_status rti_gpu_choose_program(rt_gpu *gpu, const rt_gpu_accel *accel, 
         width = 0;
     }
     widths = rti_gpu_width_list(algorithm, &n);
-    if (!n) return rti_fail(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "no kernel has algorithm %s", rti_algorithms[algorithm].name);
-    if (!width) width = widths[n > 1 && !gpu->info.gpu ? 2 : 0];
+    if (!width) width = widths[rti_gpu_is_large((uint32_t)algorithm) ? 1 : n > 1 && !gpu->info.gpu ? 2 : 0];
     for (i = 0; i < n && widths[i] != width; i++) {}
     if (i == n) return rti_no_width(opt, widths, n);
-    memset(&key, 0, sizeof key);
-    key.algorithm = (uint32_t)algorithm;
-    key.query = (uint32_t)opt->query;
-    key.width = (uint32_t)(width == 2 && algorithm != RT_THREADED_PARALLEL ? 4 : width);
-    key.entries = algorithm != RT_KD_SHORTSTACK ? 0 : opt->short_stack ? (uint32_t)opt->short_stack : 3;
-    task->algorithm = (int32_t)key.algorithm;
-    task->entries = (int32_t)key.entries;
-    if (gpu->general) rti_gpu_generalise(&key);
-    rti_gpu_set_levels(gpu, accel, &key);
-    return rti_gpu_find_program(gpu, &key, &task->program, opt->error);
+    memset(key, 0, sizeof *key);
+    key->algorithm = (uint32_t)algorithm;
+    key->query = (uint32_t)opt->query;
+    task->side = rti_gpu_is_large(key->algorithm) ? (uint32_t)width : 0;
+    key->width = (uint32_t)(width == 2 && algorithm != RT_THREADED_PARALLEL ? 4 : width);
+    key->entries = algorithm != RT_KD_SHORTSTACK ? 0 : opt->short_stack ? (uint32_t)opt->short_stack : 3;
+    if (task->side) key->cull = (uint32_t)opt->cull;
+    task->algorithm = (int32_t)key->algorithm;
+    task->entries = (int32_t)key->entries;
+    task->cull = (int32_t)key->cull;
+    if (gpu->general) rti_gpu_generalise(key);
+    rti_gpu_set_levels(gpu, accel, key);
+    return RT_OK;
+}
+
+/* From options to the program that does it. */
+static rt_status rti_gpu_choose_program(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt, rti_gpu_task *task)
+{
+    rti_gpu_key key;
+    const rt_status status = rti_gpu_resolve(gpu, accel, opt, task, &key);
+    if (status != RT_OK) return status;
+    return task->side ? rti_gpu_fit_large(gpu, &key, task, opt->error) : rti_gpu_find_program(gpu, &key, &task->program, opt->error);
+}
+
+typedef struct { size_t size; const void *value; } rti_gpu_argument;
+
+/* Runs a kernel for so many work-items or more, in groups. */
+static rt_status rti_gpu_run(const rt_gpu *gpu, rti_cl kernel, const rti_gpu_argument *arguments, size_t count, size_t items, size_t group,
+                             rti_cl *event, const char *what, rt_error *error)
+{
+    const size_t all = (items + group - 1) / group * group;
+    rti_cl_int code = RTI_CL_SUCCESS;
+    size_t i;
+    for (i = 0; i < count && code == RTI_CL_SUCCESS; i++)
+        code = gpu->cl.SetKernelArg(kernel, (rti_cl_uint)i, arguments[i].size, arguments[i].value);
+    if (code == RTI_CL_SUCCESS) code = gpu->cl.EnqueueNDRangeKernel(gpu->queue, kernel, 1, NULL, &all, &group, 0, NULL, event);
+    return code == RTI_CL_SUCCESS ? RT_OK : rti_cl_fail(error, code, what);
 }
 
 RT_API rt_status rt_gpu_prepare(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt)
@@ -1827,19 +1923,12 @@ RT_API rt_status rt_gpu_prepare(rt_gpu *gpu, const rt_gpu_accel *accel, const rt
     return rti_gpu_choose_program(gpu, accel, opt ? opt : &defaults, &task);
 }
 
-static size_t rti_gpu_kernel_number(const rt_gpu *gpu, const rti_gpu_program *program, rti_cl_uint what)
-{
-    union { uint64_t wide; size_t size; } number;
-    number.wide = 0;
-    if (gpu->cl.GetKernelWorkGroupInfo(program->kernels[0], gpu->device, what, sizeof number, &number, NULL) != RTI_CL_SUCCESS) return 0;
-    return what == RTI_CL_GROUP_SIZE ? number.size : (size_t)number.wide;
-}
-
 RT_API rt_status rt_gpu_get_kernel(rt_gpu *gpu, const rt_gpu_accel *accel, const rt_trace_options *opt, rt_gpu_kernel *kernel)
 {
     rt_trace_options defaults;
     const rti_gpu_program *program;
     rti_gpu_task task;
+    rti_cl_int code;
     rt_status status;
     memset(&defaults, 0, sizeof defaults);
     if (!opt) opt = &defaults;
@@ -1850,28 +1939,34 @@ RT_API rt_status rt_gpu_get_kernel(rt_gpu *gpu, const rt_gpu_accel *accel, const
     kernel->algorithm = (rt_algorithm)task.algorithm;
     kernel->packet_width = (int)program->key.width;
     if (program->key.width == 4 && kernel->algorithm != RT_THREADED_PARALLEL) kernel->packet_width = 2;    /* 2x2 */
-    kernel->private_bytes = rti_gpu_kernel_number(gpu, program, RTI_CL_PRIVATE_SIZE);
-    kernel->local_bytes = rti_gpu_kernel_number(gpu, program, RTI_CL_LOCAL_SIZE);
-    kernel->group = rti_gpu_kernel_number(gpu, program, RTI_CL_GROUP_SIZE);
+    if (task.side) kernel->packet_width = (int)task.side;
+    if (task.side) {                        /* local memory counts once its size is given */
+        code = gpu->cl.SetKernelArg(program->kernels[0], 8, sizeof(float) * task.rows, NULL);
+        if (code == RTI_CL_SUCCESS) code = gpu->cl.SetKernelArg(program->kernels[0], 9, sizeof(uint16_t) * task.numbers, NULL);
+        if (code != RTI_CL_SUCCESS) return rti_cl_fail(opt->error, code, "a kernel");
+    }
+    kernel->private_bytes = rti_gpu_kernel_number(gpu, program->kernels[0], RTI_CL_PRIVATE_SIZE);
+    kernel->local_bytes = rti_gpu_kernel_number(gpu, program->kernels[0], RTI_CL_LOCAL_SIZE);
+    kernel->group = program->group;
     return RT_OK;
 }
 
-static rt_status rti_gpu_launch(rt_gpu *gpu, const rti_gpu_task *task, const rt_gpu_accel *accel, const rti_cl buffers[3], size_t first,
+static rt_status rti_gpu_launch(const rt_gpu *gpu, const rti_gpu_task *task, const rt_gpu_accel *accel, const rti_cl buffers[3], size_t first,
                                 size_t count, rti_cl *event, rt_error *error)
 {
     const rti_gpu_program *program = task->program;
+    const bool large = task->side != 0;
     const uint64_t base = first, number = count;
-    const size_t items = (count + program->key.width - 1) / program->key.width, local = 64, global = (items + local - 1) / local * local;
-    rti_cl_int code = gpu->cl.SetKernelArg(program->kernels[0], 0, sizeof(rti_cl), &accel->object.mem);
-    int i;
-    for (i = 0; i < 3 && code == RTI_CL_SUCCESS; i++) code = gpu->cl.SetKernelArg(program->kernels[0], (rti_cl_uint)i + 1, sizeof(rti_cl), &buffers[i]);
-    if (code == RTI_CL_SUCCESS) code = gpu->cl.SetKernelArg(program->kernels[0], 4, sizeof base, &base);
-    if (code == RTI_CL_SUCCESS) code = gpu->cl.SetKernelArg(program->kernels[0], 5, sizeof number, &number);
-    if (code == RTI_CL_SUCCESS) code = gpu->cl.SetKernelArg(program->kernels[0], 6, sizeof task->algorithm, &task->algorithm);
-    if (code == RTI_CL_SUCCESS) code = gpu->cl.SetKernelArg(program->kernels[0], 7, sizeof task->entries, &task->entries);
-    if (code == RTI_CL_SUCCESS) code = gpu->cl.EnqueueNDRangeKernel(gpu->queue, program->kernels[0], 1, NULL, &global, &local, 0, NULL, event);
-    if (code == RTI_CL_SUCCESS) code = gpu->cl.Flush(gpu->queue);
-    return code == RTI_CL_SUCCESS ? RT_OK : rti_cl_fail(error, code, "tracing rays");
+    const rti_gpu_argument arguments[] = {
+        { sizeof(rti_cl), &accel->object.mem }, { sizeof(rti_cl), &buffers[0] }, { sizeof(rti_cl), &buffers[1] }, { sizeof(rti_cl), &buffers[2] },
+        { sizeof base, &base }, { sizeof number, &number }, { sizeof task->algorithm, &task->algorithm },
+        { sizeof(int32_t), large ? &task->cull : &task->entries },
+        { sizeof(float) * task->rows, NULL }, { sizeof(uint16_t) * task->numbers, NULL }            /* of large packets: local memory */
+    };
+    const size_t items = (count + program->key.width - 1) / program->key.width;
+    const rt_status status = rti_gpu_run(gpu, program->kernels[0], arguments, large ? 10 : 8, items, large ? task->items : 64, event,
+                                         "tracing rays", error);
+    return status == RT_OK && gpu->cl.Flush(gpu->queue) != RTI_CL_SUCCESS ? rti_cl_fail(error, RTI_CL_NO_RESOURCES, "tracing rays") : status;
 }
 
 static rt_status rti_gpu_needs(const rt_gpu *gpu, const rt_gpu_buffer *buffer, size_t count, size_t size, const char *name, rt_error *error)
@@ -2386,19 +2481,6 @@ typedef struct {
     rt_error *error;
 } rti_gpu_picture;
 
-typedef struct { size_t size; const void *value; } rti_gpu_argument;
-
-static rt_status rti_gpu_run(const rt_gpu *gpu, rti_cl kernel, const rti_gpu_argument *arguments, size_t count, size_t items, rt_error *error)
-{
-    const size_t local = 64, global = (items + local - 1) / local * local;
-    rti_cl_int code = RTI_CL_SUCCESS;
-    size_t i;
-    for (i = 0; i < count && code == RTI_CL_SUCCESS; i++)
-        code = gpu->cl.SetKernelArg(kernel, (rti_cl_uint)i, arguments[i].size, arguments[i].value);
-    if (code == RTI_CL_SUCCESS) code = gpu->cl.EnqueueNDRangeKernel(gpu->queue, kernel, 1, NULL, &global, &local, 0, NULL, NULL);
-    return code == RTI_CL_SUCCESS ? RT_OK : rti_cl_fail(error, code, "rendering");
-}
-
 static bool rti_gpu_raster_fits(const rt_raster *r, const rt_gpu_scene *scene, const rt_render_options *opt)
 {
     rt_geometry geo;
@@ -2465,7 +2547,7 @@ static rt_status rti_gpu_copy_raster(rti_gpu_picture *p, const rt_raster *raster
     rti_release(none, user);
     if (status == RT_OK && prims) {
         const rti_gpu_argument arguments[] = { { sizeof(rti_cl), &scene->accel->object.mem }, { sizeof(rti_cl), &p->raster->mem } };
-        status = rti_gpu_run(p->gpu, p->cover.program->kernels[1], arguments, 2, prims, p->error);
+        status = rti_gpu_run(p->gpu, p->cover.program->kernels[1], arguments, 2, prims, 64, NULL, "copying a raster", p->error);
     }
     return status;
 }
@@ -2478,8 +2560,7 @@ static rt_status rti_gpu_choose_cover(rti_gpu_picture *p)
     rt_status status;
     memset(&trace, 0, sizeof trace);
     trace.error = p->error;
-    if ((status = rti_gpu_choose_program(p->gpu, p->scene->accel, &trace, &p->cover)) != RT_OK) return status;
-    key = p->cover.program->key;
+    if ((status = rti_gpu_resolve(p->gpu, p->scene->accel, &trace, &p->cover, &key)) != RT_OK) return status;
     key.kind = RTI_GPU_COVERS;
     key.levels[0].structures = 0;
     return rti_gpu_find_program(p->gpu, &key, &p->cover.program, p->error);
@@ -2608,7 +2689,7 @@ static rt_status rti_gpu_step(const rti_gpu_picture *p, int step, uint32_t count
         { sizeof(rti_cl), &work }, { sizeof(rti_cl), &p->buffers[0] }, { sizeof(rti_cl), &p->buffers[1] }, { sizeof(rti_cl), &times },
         { sizeof count, &count }, { sizeof turn, &turn }, { sizeof number, &number }
     };
-    return rti_gpu_run(p->gpu, p->steps->kernels[step], arguments, sizeof arguments / sizeof arguments[0], count, p->error);
+    return rti_gpu_run(p->gpu, p->steps->kernels[step], arguments, sizeof arguments / sizeof arguments[0], count, 64, NULL, "rendering", p->error);
 }
 
 /* The eye rays of a sample: what the tiles list is tested. */
@@ -2621,7 +2702,7 @@ static rt_status rti_gpu_cover(const rti_gpu_picture *p)
         { sizeof task->entries, &task->entries }
     };
     const size_t packets = ((size_t)p->frame.width * p->frame.height + task->program->key.width - 1) / task->program->key.width;
-    return rti_gpu_run(p->gpu, task->program->kernels[0], arguments, sizeof arguments / sizeof arguments[0], packets, p->error);
+    return rti_gpu_run(p->gpu, task->program->kernels[0], arguments, sizeof arguments / sizeof arguments[0], packets, 64, NULL, "rendering", p->error);
 }
 
 /* What lights make of the surfaces that count rays have met. */

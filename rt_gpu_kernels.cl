@@ -79,6 +79,7 @@ typedef char rti_check_compact[sizeof(rti_gpu_compact) == 128 ? 1 : -1];
 "#define RTI_KD_TALLY(at) ((void)0)\n"
 "#define RT_ASSERT(x) ((void)0)\n"
 "#define RTI_INFINITY INFINITY\n"
+"#define fabsf fabs\n"
 "#define RTI_OPEN(name, parent, number) rt_accel name##_opened; const rt_accel *const name = &name##_opened; "
     "rti_open(&name##_opened, (parent)->arena, number)\n"
 "#define rti_instance RTI_INSTANCE_TYPE\n"
@@ -215,6 +216,8 @@ RTI_FN rti_v rti_vset(float x) { return x; }
 RTI_FN rti_v rti_vid(uint32_t id) { return as_float(id); }
 RTI_FN rti_v rti_vload(const float *p) { return *p; }
 RTI_FN void rti_vstore(float *p, rti_v a) { *p = a; }
+RTI_FN rti_v rti_lload(const __local float *p) { return *p; }
+RTI_FN void rti_lstore(__local float *p, rti_v a) { *p = a; }
 RTI_FN unsigned rti_vlt(rti_v a, rti_v b) { return a < b; }
 RTI_FN unsigned rti_vle(rti_v a, rti_v b) { return a <= b; }
 RTI_FN unsigned rti_vnegative(rti_v a) { return as_uint(a) >> 31; }
@@ -252,6 +255,8 @@ RTI_FN rti_v rti_vset(float x) { return (rti_v)(x); }
 RTI_FN rti_v rti_vid(uint32_t id) { return (rti_v)(as_float(id)); }
 RTI_FN rti_v rti_vload(const float *p) { return RTI_VECTOR(vload)(0, p); }
 RTI_FN void rti_vstore(float *p, rti_v a) { RTI_VECTOR(vstore)(a, 0, p); }
+RTI_FN rti_v rti_lload(const __local float *p) { return RTI_VECTOR(vload)(0, p); }
+RTI_FN void rti_lstore(__local float *p, rti_v a) { RTI_VECTOR(vstore)(a, 0, p); }
 RTI_FN unsigned rti_vlt(rti_v a, rti_v b) { return RTI_VECTOR(rti_signs)(a < b); }
 RTI_FN unsigned rti_vle(rti_v a, rti_v b) { return RTI_VECTOR(rti_signs)(a <= b); }
 RTI_FN unsigned rti_vnegative(rti_v a) { return RTI_VECTOR(rti_signs)(RTI_VECTOR(as_int)(a)); }
@@ -500,7 +505,7 @@ RTI_CALL unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, 
 
 #endif
 
-/* ---- rays: to a packet and back ------------------------------------------------------------------------------------- */
+/* ---- rays: to lanes, and their hits back ---------------------------------------------------------------------------- */
 
 #if RTI_IN(RAYS)
 
@@ -574,6 +579,462 @@ __kernel RTI_GROUP void rt_gpu_trace(__global const char *arena, __global const 
 {
     const size_t first = get_global_id(0) * RTI_WIDTH;
     if (first < count) rti_trace_packet(arena, rays, hits, times, base + first, base + count, RTI_ALGORITHM, RTI_ENTRIES);
+}
+)
+
+#endif
+
+/* ---- large: [Overbeck] 3 and 4, a packet a work-group --------------------------------------------------------------- */
+
+#if RTI_IN(LARGE)
+
+/* Each work-item has a SIMD ray, RTI_WIDTH rays of the packet, and all go down the tree together: where they go is the same for all, and
+   barriers stand at fixed places of a step, none in a branch. At a leaf each SIMD ray asks for the box itself.
+
+   On a GPU work-items ask for a box together, and a step is a node. On a CPU they take turns from barrier to barrier: there the first goes on
+   alone, asking for the others, until it comes to a leaf, and a step is a leaf. For that it reads their rays in local memory, as work-items
+   do with Partition on a GPU, where they ask for other rays than their own. */
+"#define RTI_STRIPS 16\n"
+RTI_SHARED(
+typedef struct { uint32_t first, open, words[32]; } rti_votes;      /* of a step: the first that meets the box; whether any needs hits; who does */
+typedef struct { uint32_t leaf, active, over, open; } rti_lead;     /* what the first work-item tells the others */
+
+typedef struct {
+    const RTI_GLOBAL rti_node *nodes;
+    rt_algorithm algorithm;
+    int cull;                               /* RT_CULL_NONE where there is no frustum */
+    uint32_t item, items;                   /* of the group; an item's number is that of its SIMD ray */
+    rti_packet *ray;
+    unsigned live;                          /* lanes of it that need hits */
+    uint32_t at, top, turn;                 /* the node to ask for, entries of the stack, and which of the votes are cast next */
+    uint32_t active;                        /* Ranged: the first SIMD ray that is, Partition: how many ids are; Masked: 0 */
+    uint32_t leaf, leaf_active;             /* what the step has come to, and active there; RT_NONE: to no leaf */
+    bool over;
+    __local uint32_t (*stack)[2];           /* nodes, and how many were active */
+    __local float *rays;                    /* see rti_row */
+    __local ushort *ids;                    /* Partition: SIMD rays, those that are active first, */
+    __local ushort *ranks;                  /* and where each of them stands; */
+    __local ushort *sides;                  /* bits of their signs, and 8: all lanes have them */
+    __local rti_votes *votes;               /* three, which take turns */
+    __local float *strips;                  /* of rti_survey */
+    const __local float *way;               /* the dir of one ray */
+    const __local rti_frustum *frustum;
+} rti_group;
+)
+
+/* What box tests read of a SIMD ray: numbers side by side, t first. A GPU has little local memory: it makes planes of org and pad again, and a
+   row of all SIMD rays lies together. Lanes that need no more hits have an empty interval. */
+RTI_SHARED(
+RTI_FN __local float *rti_row(const rti_group *g, uint32_t at, uint32_t n)
+{
+    return g->rays + (RTI_GPU ? n * g->items + at : at * RTI_ROWS + n) * RTI_WIDTH;
+}
+
+RTI_FN void rti_share_t(const rti_group *g)
+{
+    rti_lstore(rti_row(g, g->item, 0), rti_vselect(g->live, rti_vload(g->ray->t), rti_vset(-RTI_INFINITY)));
+}
+
+RTI_FN void rti_share_ray(const rti_group *g)
+{
+    const rti_packet *p = g->ray;
+    uint32_t k;
+    rti_share_t(g);
+    rti_lstore(rti_row(g, g->item, 1), rti_vselect(g->live, rti_vload(p->tmin), rti_vset(RTI_INFINITY)));
+    for (k = 0; k < 3; k++) {
+        rti_lstore(rti_row(g, g->item, 2 + k), rti_vload(p->rdir[k]));
+        rti_lstore(rti_row(g, g->item, 5 + k), rti_vload(RTI_GPU ? p->org[k] : p->plane[0][k]));
+        if (!RTI_GPU) rti_lstore(rti_row(g, g->item, 8 + k), rti_vload(p->plane[1][k]));
+    }
+    if (RTI_GPU) rti_lstore(rti_row(g, g->item, 8), rti_vload(p->pad));
+    g->sides[g->item] = !g->live ? 8 : (ushort)(p->side[0] | p->side[1] << 1 | p->side[2] << 2 | (RTI_KNOWN_SIDES(p) ? 8 : 0));
+    g->ids[g->item] = g->ranks[g->item] = (ushort)g->item;
+}
+
+RTI_FN rti_slab rti_shared_slab(const rti_group *g, uint32_t at, uint32_t sides, uint32_t k)
+{
+    const uint32_t side = sides & 8 ? sides >> k & 1 : 0;
+    rti_slab s;
+    s.rdir = rti_lload(rti_row(g, at, 2 + k));
+    if (RTI_GPU) {
+        const rti_v org = rti_lload(rti_row(g, at, 5 + k)), pad = rti_lload(rti_row(g, at, 8));
+        s.near_org = rti_vorigin(side ? org - pad : org + pad, s.rdir);
+        s.far_org = rti_vorigin(side ? org + pad : org - pad, s.rdir);
+    } else {
+        s.near_org = rti_lload(rti_row(g, at, 5 + 3 * side + k));
+        s.far_org = rti_lload(rti_row(g, at, 8 - 3 * side + k));
+    }
+    s.near_plane = (int)(3 * side + k);
+    s.far_plane = (int)(3 - 3 * side + k);
+    return s;
+}
+
+/* Lanes that meet the box. */
+RTI_FN unsigned rti_meet(const rti_packet *p, unsigned lanes, const RTI_GLOBAL float *bounds)
+{
+    const rti_slabs s = rti_make_slabs(p);
+    rti_v enter, leave;
+    return rti_hit_box(&s, bounds, rti_vload(p->t), &enter, &leave) & lanes;
+}
+
+/* Does any of that SIMD ray, which is one's own where none are shared? */
+RTI_FN bool rti_meets(const rti_group *g, uint32_t at, const RTI_GLOBAL float *bounds)
+{
+    rti_slabs s;
+    rti_v enter, leave;
+    uint32_t sides;
+    if (!RTI_SHARES) return rti_meet(g->ray, g->live, bounds) != 0;
+    sides = g->sides[at];
+    s.uniform = RTI_WIDTH == 1 || sides & 8;
+    s.tmin = rti_lload(rti_row(g, at, 1));
+    s.x = rti_shared_slab(g, at, sides, 0);
+    s.y = rti_shared_slab(g, at, sides, 1);
+    s.z = rti_shared_slab(g, at, sides, 2);
+    return rti_hit_box(&s, bounds, rti_lload(rti_row(g, at, 0)), &enter, &leave) != 0;
+}
+)
+
+/* [Overbeck] 4, see >>frustum of rt.h: around the rays of all work-items. */
+RTI_SHARED(
+typedef struct { float low[4], high[4]; } rti_range;
+
+RTI_FN float rti_high1(float a) { return a; }
+RTI_FN float rti_high2(float2 a) { return rti_maxf(a.x, a.y); }
+RTI_FN float rti_high4(float4 a) { return rti_high2(a.lo > a.hi ? a.lo : a.hi); }
+RTI_FN float rti_high8(float8 a) { return rti_high4(a.lo > a.hi ? a.lo : a.hi); }
+RTI_FN float rti_high16(float16 a) { return rti_high8(a.lo > a.hi ? a.lo : a.hi); }
+RTI_FN float rti_highest(unsigned live, rti_v a) { return RTI_VECTOR(rti_high)(rti_vselect(live, a, rti_vset(-RTI_INFINITY))); }
+
+/* Least and greatest of four numbers of all rays, for all to know: work-items are gathered in strips, and each gathers the strips. */
+RTI_FN rti_range rti_survey(const rti_group *g, rti_v a, rti_v b, rti_v c, rti_v d)
+{
+    const uint32_t count = g->items < RTI_STRIPS ? g->items : RTI_STRIPS;
+    float8 most = (float8)(rti_highest(g->live, a), rti_highest(g->live, b), rti_highest(g->live, c), rti_highest(g->live, d),
+                           rti_highest(g->live, -a), rti_highest(g->live, -b), rti_highest(g->live, -c), rti_highest(g->live, -d));
+    rti_range r;
+    uint32_t i;
+    vstore8(most, g->item, g->rays);
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (g->item < count) {
+        for (i = g->item + count; i < g->items; i += count) {
+            const float8 other = vload8(i, g->rays);
+            most = other > most ? other : most;
+        }
+        vstore8(most, g->item, g->strips);
+    }
+    barrier(CLK_LOCAL_MEM_FENCE);
+    most = vload8(0, g->strips);
+    for (i = 1; i < count; i++) {
+        const float8 other = vload8(i, g->strips);
+        most = other > most ? other : most;
+    }
+    vstore4(most.lo, 0, r.high);
+    vstore4(-most.hi, 0, r.low);
+    return r;
+}
+
+RTI_FN rti_v rti_pick(const float lanes[3][RTI_WIDTH], int k) { return rti_vload(k == 0 ? lanes[0] : k == 1 ? lanes[1] : lanes[2]); }
+)
+
+/* False: there is none. */
+RTI_SHARED(
+RTI_FN bool rti_make_frustum(const rt_accel *accel, const rti_group *g, rti_frustum *f)
+{
+    const rti_packet *p = g->ray;
+    const rti_v org[3] = { rti_vload(p->org[0]), rti_vload(p->org[1]), rti_vload(p->org[2]) };
+    const rti_v dir[3] = { rti_vload(p->dir[0]), rti_vload(p->dir[1]), rti_vload(p->dir[2]) };
+    const rti_range orgs = rti_survey(g, org[0], org[1], org[2], rti_vload(p->tmin));
+    const rti_range dirs = rti_survey(g, dir[0], dir[1], dir[2], rti_vload(p->t));
+    const rti_range ends = rti_survey(g, org[0] + dir[0], org[1] + dir[1], org[2] + dir[2], rti_vload(p->pad));
+    rti_v rdir, slope_u, slope_v, back, length, u, v;
+    rti_range slopes, crossed;
+    rti_bundle b;
+    bool fits;
+    int k;
+    b.tmin = orgs.low[3];
+    b.tmax = dirs.high[3];
+    b.pad = ends.high[3];
+    for (k = 0; k < 3; k++) {
+        b.org_low[k] = orgs.low[k];
+        b.org_high[k] = orgs.high[k];
+        b.end_low[k] = ends.low[k];
+        b.end_high[k] = ends.high[k];
+        b.way[k] = dirs.low[k] * 0.5f + dirs.high[k] * 0.5f;
+        b.sides[k] = (dirs.high[k] > 0 ? 1 : 0) | (dirs.low[k] < 0 ? 2 : 0);
+    }
+    fits = rti_aim_frustum(accel, &b, f);
+
+    rdir = rti_pick(p->rdir, f->k);
+    slope_u = rti_pick(p->dir, f->u) * rdir;
+    slope_v = rti_pick(p->dir, f->v) * rdir;
+    slopes = rti_survey(g, slope_u, slope_v, rti_pick(p->dir, f->k) * rti_vset(f->sign), rti_vset(0));
+    for (k = 0; k < 2; k++) {
+        f->low[k] = slopes.low[k];
+        f->high[k] = slopes.high[k];
+    }
+    fits = rti_span_frustum(accel, &b, f, slopes.low[2]) && fits;
+
+    back = rti_vset(f->start) - rti_pick(p->org, f->k);
+    length = rti_vset(f->length * f->sign);
+    u = rti_pick(p->org, f->u) + slope_u * back;
+    v = rti_pick(p->org, f->v) + slope_v * back;
+    crossed = rti_survey(g, u, v, u + slope_u * length, v + slope_v * length);      /* needed or not: PoCL copies all behind a branch with barriers */
+    if (f->sway < 0)
+        for (k = 0; k < 2; k++) rti_set_sides(f, k, crossed.low[k], crossed.high[k], crossed.low[2 + k], crossed.high[2 + k]);
+    rti_close_frustum(f);
+    return fits;
+}
+)
+
+/* Does no ray meet the box? As rti_cull_box of rt.h. */
+RTI_SHARED(
+RTI_FN bool rti_cull_box(const rti_group *g, const RTI_GLOBAL float *bounds)
+{
+    const __local rti_frustum *f = g->frustum;
+    if (g->cull) {
+        const float at = f->sign * f->start, lo = f->sign * bounds[f->near_k] - at - f->pad, hi = f->sign * bounds[f->far_k] - at + f->pad;
+        const float from = lo > 0 ? lo : 0, to = hi < f->length ? hi : f->length;
+        const float4 most = (float4)(bounds[3 + f->u], -bounds[f->u], bounds[3 + f->v], -bounds[f->v]);
+        const float4 room = most - vload4(0, f->outside), slope = vload4(0, f->slope);
+        if (from > to) return true;
+        if (g->cull & RT_CULL_PLANES) {
+            const float4 a = slope * from, b = slope * to;
+            if (any(room < (a < b ? a : b))) return true;
+        }
+        if (g->cull & RT_CULL_CORNERS) {
+            const float4 s = room * vload4(0, f->rslope), beyond = vload4(0, f->beyond);
+            const float4 later = s > beyond ? s : beyond, sooner = s < beyond ? s : beyond;
+            const float4 last = later < to ? later : (float4)(to), first = sooner > from ? sooner : (float4)(from);
+            return rti_maxf(rti_maxf(first.x, first.y), rti_maxf(first.z, first.w)) > -rti_maxf(rti_maxf(-last.x, -last.y), rti_maxf(-last.z, -last.w));
+        }
+    }
+    return false;
+}
+)
+
+/* Who meets the box of an inner node, or may meet that of a leaf. Answers what active becomes: of Partition how many do, which come to the
+   front of ids; else the first that does, items: none. */
+"#if RTI_GPU\n"
+/* All cast their votes, and know of all. Those of the next step are cleared a step before: all have read them before the last barrier. */
+RTI_SHARED(
+RTI_FN const __local rti_votes *rti_count_votes(rti_group *g, bool meets)
+{
+    const uint32_t next = g->turn == 2 ? 0 : g->turn + 1;
+    __local rti_votes *votes = g->votes + g->turn;
+    if (meets && g->algorithm == RT_BVH_PARTITION) atomic_or(&votes->words[g->item / 32], 1u << g->item % 32);
+    else if (meets) atomic_min(&votes->first, g->item);
+    if (g->live) votes->open = 1;
+    if (!g->item) {
+        g->votes[next].first = g->items;
+        g->votes[next].open = 0;
+    }
+    if (g->item % 32 == 0) g->votes[next].words[g->item / 32] = 0;
+    g->turn = next;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (!votes->open) g->top = 0;
+    return votes;
+}
+
+RTI_FN uint32_t rti_ask(rti_group *g, const RTI_GLOBAL rti_node *node)
+{
+    const bool partition = g->algorithm == RT_BVH_PARTITION, mine = partition ? g->item < g->active : g->item >= g->active;
+    const uint32_t ray = partition ? g->ids[g->item] : g->item;
+    const bool hit = mine && !rti_cull_box(g, node->bounds) && rti_meets(g, ray, node->bounds);
+    const __local rti_votes *votes = rti_count_votes(g, hit);
+    uint32_t i, before = 0, all = 0;
+    if (!partition) return votes->first;
+    for (i = 0; i * 32 < g->active; i++) {
+        const uint32_t word = votes->words[i], behind = g->item - i * 32;
+        all += popcount(word);
+        if (i * 32 <= g->item) before += popcount(behind < 32 ? word & ((1u << behind) - 1) : word);
+    }
+    if (node->count) return all ? g->active : 0;
+    if (mine) {                             /* an entry's place is told by the votes that stand before its own */
+        const uint32_t place = hit ? before : all + g->item - before;
+        g->ids[place] = (ushort)ray;
+        g->ranks[ray] = (ushort)place;
+    }
+    return all;
+}
+)
+"#else\n"
+/* [Overbeck] 3.2, getFirstHit, and 3.3, partRays. */
+RTI_SHARED(
+RTI_FN uint32_t rti_first_hit(const rti_group *g, const RTI_GLOBAL float *bounds)
+{
+    uint32_t i = g->active;
+    if (rti_meets(g, i, bounds)) return i;
+    if (rti_cull_box(g, bounds)) return g->items;
+    while (++i < g->items && !rti_meets(g, i, bounds)) {}
+    return i;
+}
+
+RTI_FN uint32_t rti_part_rays(const rti_group *g, const RTI_GLOBAL float *bounds)
+{
+    uint32_t i, alive = 0;
+    if (rti_cull_box(g, bounds)) return 0;
+    for (i = 0; i < g->active; i++) {
+        const ushort id = g->ids[i], other = g->ids[alive];
+        if (!rti_meets(g, id, bounds)) continue;
+        g->ids[i] = other;
+        g->ranks[other] = (ushort)i;
+        g->ids[alive] = id;
+        g->ranks[id] = (ushort)alive++;
+    }
+    return alive;
+}
+
+RTI_FN uint32_t rti_ask(rti_group *g, const RTI_GLOBAL rti_node *node)
+{
+    const bool partition = g->algorithm == RT_BVH_PARTITION;
+    if (!node->count) return partition ? rti_part_rays(g, node->bounds) : rti_first_hit(g, node->bounds);
+    return !rti_cull_box(g, node->bounds) ? g->active : partition ? 0 : g->items;
+}
+)
+"#endif\n"
+
+/* A node. [Overbeck] Figure 2, A.1 and A.2 in one, as rti_large_body of rt.h: what differs is which SIMD rays stay active. The first work-item
+   notes what waits, which is read behind the next barrier at the soonest. */
+RTI_SHARED(
+RTI_FN void rti_step(rti_group *g)
+{
+    const RTI_GLOBAL rti_node *node = g->nodes + g->at;
+    const uint32_t active = rti_ask(g, node);
+    const bool alive = g->algorithm == RT_BVH_PARTITION ? active > 0 : active < g->items;
+    if (g->algorithm != RT_BVH_MASKED) g->active = active;
+    g->leaf = alive && node->count ? g->at : RT_NONE;
+    g->leaf_active = g->active;
+    if (alive && !node->count) {            /* the child whose middle comes first along the way is near */
+        const RTI_GLOBAL float *a = g->nodes[node->index].bounds;
+        const RTI_GLOBAL float *b = g->nodes[node->index + 1].bounds;
+        const float ahead = g->way[0] * (b[0] - a[0] + (b[3] - a[3])) + g->way[1] * (b[1] - a[1] + (b[4] - a[4])) +
+                            g->way[2] * (b[2] - a[2] + (b[5] - a[5]));
+        const uint32_t near = ahead < 0 ? 1 : 0;
+        if (!g->item) {
+            g->stack[g->top][0] = node->index + 1 - near;
+            g->stack[g->top][1] = g->active;
+        }
+        g->top++;
+        g->at = node->index + near;
+    } else {
+        g->over = !g->top;
+        if (!g->over) g->top--;
+        g->at = g->stack[g->top][0];
+        g->active = g->stack[g->top][1];
+    }
+}
+
+RTI_NOINLINE unsigned rti_large_leaf(const rt_accel *accel, rti_packet *p, unsigned lanes, const RTI_GLOBAL rti_node *leaf, const rti_job *job)
+{
+    lanes = rti_meet(p, lanes, leaf->bounds);
+    return lanes ? rti_hit_leaf(accel, p, lanes, 0, leaf->index, leaf->count, RT_NONE, RTI_WALK_FLAGS, job) : 0;
+}
+)
+
+/* Local memory: rows, and before them room for rti_survey; ids, ranks and sides. A program for one algorithm and way to cull has them as
+   constants. */
+RTI_SHARED(
+__kernel void rt_gpu_trace(__global const char *arena, __global const rt_ray *rays, __global rt_hit *hits, __global const float *times,
+                           ulong base, ulong count, int algorithm, int cull, __local float *rows, __local ushort *numbers)
+{
+    __local uint32_t stack[RTI_STACK][2];
+    __local float strips[8 * RTI_STRIPS], way[3];
+    __local rti_frustum frustum;
+    __local rti_votes votes[RTI_GPU ? 3 : 1];
+    __local rti_lead lead;
+    const bool any = RTI_QUERY == RT_ANY;
+    const uint32_t item = get_local_id(0), items = get_local_size(0);
+    const size_t last = base + count, first = base + (get_group_id(0) * items + item) * RTI_WIDTH;
+    rt_accel accel;
+    rti_packet p;
+    rti_job job;
+    rti_group g;
+    unsigned found = 0, live;
+    rti_open(&accel, arena, 0);
+    job.query = RTI_QUERY;
+    job.algorithm = RTI_ALGORITHM;
+    job.entries = 0;
+    live = rti_take_rays(&accel, rays, times, first < last ? first : last - 1, last, &p);
+    live = rti_prepare(&accel, &p, first < last ? live : 0, false);
+    if (RTI_HAS_PLANES && accel.plane_count && live) {
+        found = rti_hit_planes(&accel, &p, live, RT_NONE, &job);
+        if (any) live &= ~found;
+    }
+    g.nodes = accel.nodes;
+    g.algorithm = RTI_ALGORITHM;
+    g.cull = RTI_CULL;
+    g.item = item;
+    g.items = items;
+    g.ray = &p;
+    g.live = accel.node_count ? live : 0;
+    g.at = g.top = g.turn = g.active = 0;
+    g.leaf = RT_NONE;
+    g.over = false;
+    g.stack = stack;
+    g.rays = rows;
+    g.ids = numbers;
+    g.ranks = numbers + items;
+    g.sides = numbers + 2 * items;
+    g.votes = votes;
+    g.strips = strips;
+    g.way = way;
+    g.frustum = &frustum;
+    if (g.algorithm == RT_BVH_PARTITION) g.active = items;
+)
+RTI_SHARED(
+    if (RTI_CULLS) {
+        rti_frustum f;
+        if (!rti_make_frustum(&accel, &g, &f)) g.cull = RT_CULL_NONE;
+        if (!item) frustum = f;
+    }
+    if (RTI_SHARES) rti_share_ray(&g);
+    if (item == items / 2) {
+        way[0] = p.dir[0][0];
+        way[1] = p.dir[1][0];
+        way[2] = p.dir[2][0];
+    }
+    if (!item) {
+        votes[0].first = items;
+        votes[0].open = 0;
+        lead.open = 1;
+        stack[0][0] = stack[0][1] = 0;
+    }
+    if (item % 32 == 0) votes[0].words[item / 32] = 0;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    do {
+)
+"#if RTI_GPU\n"
+RTI_SHARED(
+        rti_step(&g);
+)
+"#else\n"
+RTI_SHARED(
+        if (!item) {
+            if (!lead.open) g.over = true;
+            g.leaf = RT_NONE;
+            while (!g.over && g.leaf == RT_NONE) rti_step(&g);
+            lead.leaf = g.leaf;
+            lead.active = g.leaf_active;
+            lead.over = g.over;
+            lead.open = 0;
+        }
+        barrier(CLK_LOCAL_MEM_FENCE);
+        g.leaf = lead.leaf;
+        g.leaf_active = lead.active;
+        g.over = lead.over;
+)
+"#endif\n"
+RTI_SHARED(
+        if (g.leaf != RT_NONE && g.live && (g.algorithm == RT_BVH_PARTITION ? g.ranks[item] < g.leaf_active : item >= g.leaf_active)) {
+            const unsigned hit = rti_large_leaf(&accel, &p, g.live, accel.nodes + g.leaf, &job);
+            found |= hit;
+            if (any) g.live &= ~hit;
+            if (hit && RTI_SHARES) rti_share_t(&g);
+        }
+        if (!RTI_GPU && g.live) lead.open = 1;
+        if (RTI_SHARES) barrier(CLK_LOCAL_MEM_FENCE);
+    } while (!g.over);
+    rti_give_hits(&p, found, hits, first, last);
 }
 )
 

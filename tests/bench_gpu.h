@@ -334,6 +334,14 @@ static void gpu_print_json(const gpu_bench *g)
     }
 }
 
+/* What a row is of: the columns that all tables begin with. */
+static void gpu_print_name(const gpu_row *row)
+{
+    printf("  %-19s %-8s %2d %-7s", row->info->name, structure_names[row->structure],
+           row->kernel.packet_width ? row->kernel.packet_width : row->options.packet_width,
+           row->info->culls ? cull_names[row->options.cull] : "");
+}
+
 static void gpu_print_rate(double rate, double base)
 {
     if (rate > 0) printf(" %9.2f %6.2f", rate, base > 0 ? rate / base : 0);
@@ -346,20 +354,19 @@ static void gpu_print_table(const gpu_bench *g)
     size_t i;
     int kind;
 
-    printf("%-33s", "Mrays/s, x bvh.stack in C");
+    printf("%-41s", "Mrays/s, x bvh.stack in C");
     for (kind = 0; kind < KIND_COUNT; kind++)
         if (g->counts[kind]) printf(" %16s", kind_names[kind]);
-    printf("   first call, s\n%-33s", "  algorithm           on      packet");
+    printf("   first call, s\n%-41s", "  algorithm           on  packet cull");
     for (kind = 0; kind < KIND_COUNT; kind++)
         if (g->counts[kind]) printf(" %11zu rays", g->counts[kind]);
-    printf("  compiled cached\n  %-31s", "bvh.stack in C");
+    printf("  compiled cached\n  %-39s", "bvh.stack in C");
     for (kind = 0; kind < KIND_COUNT; kind++)
         if (g->counts[kind]) gpu_print_rate(g->base[kind], g->base[kind]);
     printf("\n");
     for (i = 0; i < g->row_count; i++) {
         const gpu_row *row = &g->rows[i];
-        printf("  %-19s %-8s %2d", row->info->name, structure_names[row->structure],
-               row->kernel.packet_width ? row->kernel.packet_width : row->options.packet_width);
+        gpu_print_name(row);
         if (row->problem[0]) {
             printf("  %s\n", row->problem);
             continue;
@@ -568,8 +575,7 @@ static void gpu_print_compared(const gpu_bench *g, const gpu_row *special, const
         printf("}\n");
         return;
     }
-    printf("  %-19s %-8s %2d", special->info->name, structure_names[special->structure],
-           special->kernel.packet_width ? special->kernel.packet_width : special->options.packet_width);
+    gpu_print_name(special);
     if (problem[0]) {
         printf("  %s%s\n", special->problem[0] ? "" : "general: ", problem);
         return;
@@ -640,7 +646,7 @@ static bool gpu_compare(gpu_bench *g)
         gpu_truth(g, scenes.accels[COMPARE_TRIANGLES][RT_BVH], &primary, g->s.memory->primary_hits);
         if (!g->a->json)
             printf("programs for the scene beside general ones, which many scenes share; Mrays/s, seconds of the first call, bytes, work-items\n"
-                   "                                   primary  general     x  diffuse  general     x compiled general private,gen. local,gen.  "
+                   "                                           primary  general     x  diffuse  general     x compiled general private,gen. local,gen.  "
                    "group,gen.\n");
         for (i = 0; fine && i < COMPARE_SCENES; i++) fine = gpu_compare_scene(g, &scenes, i, what[i]);
         g->s.content.geometry = whole;

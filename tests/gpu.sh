@@ -56,10 +56,12 @@ title "every algorithm at $first; compiled anew"
 step 120 "table at $first" $bench --gpu --scene "$scene" --size "$first" --repeat "$REPEAT" "$@"
 
 title "correctness: every packet width, every kind of ray, $CHECK, bit for bit"
-for algorithm in bvh.stack bvh.wide bvh.simd bvh.masked bvh.ranged bvh.partition kd.stack kd.restart kd.pushdown kd.shortstack kd.backtrack \
-                 threaded.single threaded.parallel; do
-    if step 60 "correctness of $algorithm" $bench --gpu --cached --scene "$scene" --size "$CHECK" --repeat 1 --algorithm $algorithm --packet all \
-            --json "$@" >build/gpu/check.json
+for algorithm in bvh.stack bvh.wide bvh.simd bvh.masked bvh.ranged bvh.partition bvh.masked/both bvh.ranged/both bvh.partition/both kd.stack \
+                 kd.restart kd.pushdown kd.shortstack kd.backtrack threaded.single threaded.parallel; do
+    cull=none
+    case $algorithm in */*) cull=${algorithm#*/} ;; esac
+    if step 60 "correctness of $algorithm" $bench --gpu --cached --scene "$scene" --size "$CHECK" --repeat 1 --algorithm "${algorithm%/*}" \
+            --cull $cull --packet all --json "$@" >build/gpu/check.json
     then
         problems=$(grep -o '"problem":"[^}]*' build/gpu/check.json | sort -u)
         if [ -n "$problems" ]; then echo "  $algorithm: $problems"; trouble "$algorithm has no numbers: $problems"
@@ -73,6 +75,10 @@ done
 title "Horn et al., Table 2: restart < packets < push-down < short-stack, at $first"
 step 60 "order of Horn et al." $bench --gpu --cached --scene "$scene" --size "$first" --repeat "$REPEAT" --rays primary,shadow \
     --algorithm kd.restart,kd.pushdown,kd.shortstack,kd.stack --packet all "$@"
+
+title "large packets, culled, at $first"
+step 60 "large packets" $bench --gpu --cached --scene "$scene" --size "$first" --repeat "$REPEAT" \
+    --algorithm bvh.masked,bvh.ranged,bvh.partition --packet all --cull both "$@"
 
 title "programs for the scene and general ones, at $first"
 for algorithm in bvh.wide bvh.stack kd.shortstack threaded.single; do
