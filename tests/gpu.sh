@@ -1,6 +1,6 @@
 #!/bin/sh
-# tests/gpu.sh [SCENE [option of bench]...]: builds bench and measures all kernels of rt_gpu.h on this machine's OpenCL device, in under 8
-# minutes: which hits they find, bit for bit, and how fast. SCENE: as bench has it, default hall:250000; options: --device, --eye, --look ...
+# tests/gpu.sh [SCENE [option of bench]...]: builds bench and render and measures all kernels of rt_gpu.h on this machine's OpenCL device, in
+# under 8 minutes: which hits they find and pictures they draw, bit for bit, and how fast. SCENE: as bench has it, default hall:250000; options: --device, --eye, --look ...
 #   needs     a C compiler; libOpenCL and a driver for the device. make is not needed
 #   SIZES     default "1024x1024 4096x4096": one table of all rays at the first size, one for each kind of rays at the others
 #   CHECK     default 256x256: rays of the correctness pass
@@ -11,9 +11,13 @@ SIZES=${SIZES:-1024x1024 4096x4096} CHECK=${CHECK:-256x256} REPEAT=${REPEAT:-20}
 CC=${CC:-$(command -v cc || command -v gcc || command -v clang)}
 start=$(date +%s)
 bench=build/gpu/bench
-troubles=
+troubles= before=
 scene=${1:-hall:250000}
 [ $# -gt 0 ] && shift
+for option in "$@"; do
+    [ "$before" = --device ] && export RT_GPU_DEVICE="$option"     # of render too
+    before=$option
+done
 
 left() { echo $((BUDGET - $(date +%s) + start)); }
 trouble() { troubles="$troubles
@@ -70,6 +74,18 @@ for algorithm in bvh.stack bvh.wide bvh.simd bvh.masked bvh.ranged bvh.partition
         echo "  $algorithm: FAILED"
         grep -o '"packet":.*"problem":"[^}]*' build/gpu/check.json | head -3
     fi
+done
+
+title "pictures: render --gpu beside render; seconds"
+"$CC" -std=c99 -O2 -I. -o build/gpu/render examples/render.c -lm -lpthread -ldl || trouble "render: $CC cannot build it"
+for picture in "hall:250000" "hall:250000 --primary raster" "mirrors:4" "glass:3 --depth 8" "textures" \
+               "balls:4 --spp 16 --lens 0.06 --light-radius 0.5 --roughness 0.1"; do
+    for way in "" --gpu; do
+        # shellcheck disable=SC2086
+        [ -x build/gpu/render ] && step 40 "picture $picture" build/gpu/render $picture --size 1024x1024 $way -o "build/gpu/picture$way.ppm" \
+            >build/gpu/picture.txt && sed -n "s|^speed|  $picture $way:|p" build/gpu/picture.txt
+    done
+    cmp build/gpu/picture.ppm build/gpu/picture--gpu.ppm || trouble "picture $picture: another one"
 done
 
 title "Horn et al., Table 2: restart < packets < push-down < short-stack, at $first"
