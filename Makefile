@@ -62,21 +62,23 @@ test: all
 bench: $(B)/bench | out
 	$(B)/bench $(or $(BENCH),--paper all --svg out)
 
-# Sanitizers see every test but those of OpenCL's drivers, which leak; of rt_gpu.h they see some; oclgrind, which does not know all of LLVM, sees every kernel, not optimised. Valgrind, 30 times slower, those that matter for memory; the thread sanitizer those with threads.
+# Two halves, side by side with -j2. Sanitizers see every test but those of OpenCL's drivers, which leak; of rt_gpu.h they see some; oclgrind, which does not know all of LLVM, sees every kernel, not optimised. Valgrind, 30 times slower, those that matter for memory; the thread sanitizer those with threads.
 VALGRIND_TESTS = hits.mixed hits.spheres hits.short instances.deep instances.bad rays refit build.layouts build.quality kdtree.nested kdtree.options \
                  threaded.nested motion.bad ground.bad textures.check options stats shading raster.memory raster.errors raster.render loaders.obj.errors loaders.obj.numbers loaders.obj.textures loaders.nff
 GPU_TESTS      = gpu.mistakes gpu.log gpu.memory gpu.async gpu.cycles gpu.small.pictures gpu.pictures.mistakes
 OCLGRIND      ?= /usr/lib/oclgrind/liboclgrind-rt.so
 THREAD_TESTS   = threads build.parallel shading.render raster.render
-check: $(B)/rt_test
-	$(call need,valgrind,valgrind)
-	$(call need,oclgrind,oclgrind)
-	$(opencl)
+check: check-address check-others
+check-address:
 	$(MAKE) config=asan build/asan/rt_test build/asan/render build/asan/rt_fuzz
 	build/asan/rt_test --no-gpu
+	$(opencl)
 	ASAN_OPTIONS=detect_leaks=0 build/asan/rt_test $(GPU_TESTS)
 	build/asan/rt_fuzz 300
 	build/asan/render rings:2 -o build/asan/rings.ppm --size 160x120
+check-others: $(B)/rt_test
+	$(call need,valgrind,valgrind)
+	$(call need,oclgrind,oclgrind)
 	$(MAKE) config=tsan build/tsan/rt_test build/tsan/render
 	build/tsan/rt_test --no-gpu $(THREAD_TESTS)
 	build/tsan/render balls:2 -o build/tsan/balls.ppm --size 160x120 --threads 4
@@ -118,4 +120,4 @@ help:
 	@echo "make fuzz       FUZZ=60 seconds of fuzzing the loaders, the builder and the traversals"
 	@echo "make clean      remove build/ and out/"
 
-.PHONY: all demo test bench gpu check fuzz matrix clean help
+.PHONY: all demo test bench gpu check check-address check-others fuzz matrix clean help
