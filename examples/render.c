@@ -366,7 +366,7 @@ static void print_help(void)
         count = (int)rt_gpu_widths(info->algorithm, widths, 16);
         if (count) printf("; with --gpu");
         for (k = 0; k < count && k < 16; k++) printf("%s%d", k ? ", " : " ", widths[k]);
-        puts(info->built ? "" : " - not built yet");
+        puts(info->built ? "" : count ? " only" : " - not built yet");
     }
     printf("\nculling:" RT_CULL_LIST(LISTED) "\nsamplers:" RT_SAMPLER_LIST(LISTED) "\nfilters:" RT_FILTER_LIST(LISTED) "\n");
 }
