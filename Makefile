@@ -26,14 +26,14 @@ need   = $(call get,command -v $(1),$(1),$(2))
 opencl = $(call get,ls /etc/OpenCL/vendors/*.icd,OpenCL,pocl-opencl-icd ocl-icd-libopencl1)
 export POCL_CACHE_DIR ?= $(CURDIR)/build/pocl
 
-all: $(B)/render $(B)/animate $(B)/hello $(B)/gpu_hello $(B)/bench $(B)/rt_test
+all: $(B)/render $(B)/animate $(B)/hello $(B)/gpu_hello $(B)/bench $(B)/accuracy $(B)/rt_test
 
 COMPILE = $(CC) -std=c99 $(WARN) $(FLAGS_$(config)) $(CFLAGS) -I. -MMD -MP -MF $@.d -o $@ $<
 $(B)/%: examples/%.c | $(B)
 	$(COMPILE) $(LIBS)
 $(B)/%: tests/%.c | $(B)
 	$(COMPILE) $(LIBS)
-$(B)/bench: tests/bench.c | $(B)
+$(B)/bench $(B)/accuracy: $(B)/%: tests/%.c | $(B)
 	$(COMPILE) $(if $(EMBREE),-DRT_BENCH_EMBREE -lembree3) $(LIBS)
 $(B) out:
 	@mkdir -p $@
@@ -58,6 +58,12 @@ test: all
 	$(opencl)
 	@mkdir -p $(POCL_CACHE_DIR)
 	$(B)/rt_test
+	$(B)/accuracy --quick
+
+# every way to find hits beside exact arithmetic: out/accuracy.csv
+accuracy: $(B)/accuracy | out
+	$(opencl)
+	$(B)/accuracy --gpu -o out/accuracy.csv
 
 bench: $(B)/bench | out
 	$(B)/bench $(or $(BENCH),--paper all --svg out)
@@ -113,6 +119,7 @@ help:
 	@echo "make            build everything into build/"
 	@echo "make demo       render the demo scenes to out/*.ppm"
 	@echo "make test       all tests"
+	@echo "make accuracy   every way to find hits beside exact arithmetic: out/accuracy.csv"
 	@echo "make bench      speed table, with Embree where libembree-dev is installed, and the papers' tables; BENCH='--help' tells the options"
 	@echo "make gpu        every kernel of rt_gpu.h on this machine's OpenCL device: hits and speed; GPU='scene.obj --device NAME'"
 	@echo "make check      tests under the address, undefined and thread sanitizers and valgrind"
@@ -120,4 +127,4 @@ help:
 	@echo "make fuzz       FUZZ=60 seconds of fuzzing the loaders, the builder and the traversals"
 	@echo "make clean      remove build/ and out/"
 
-.PHONY: all demo test bench gpu check check-address check-others fuzz matrix clean help
+.PHONY: all demo test accuracy bench gpu check check-address check-others fuzz matrix clean help
