@@ -1050,7 +1050,7 @@ static void list_ways(const suite *s)
     snprintf(add_way(PEER, RT_BVH, trace_moeller)->name, sizeof ways->name, "%s", "Moeller-Trumbore in floats");
 #ifdef RT_BENCH_EMBREE
     snprintf(add_way(PEER, (rt_structure)0, trace_embree)->name, sizeof ways->name, "%s", "Embree");
-    snprintf(add_way(PEER, (rt_structure)1, trace_embree)->name, sizeof ways->name, "%s", "Embree, robust");
+    snprintf(add_way(PEER, (rt_structure)1, trace_embree)->name, sizeof ways->name, "%s", "Embree robust");
 #endif
 }
 

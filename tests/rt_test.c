@@ -9258,7 +9258,7 @@ static void rtt_test_gpu_specialised(void)
             want[i] = rtt_closest_at(&model, &rays.ray[i], rays.time ? rays.time[i] : 0);
         if (rtt_accels_build(&accels, &model))
             for (int s = 0; s < RT_STRUCTURE_COUNT; s++)            /* one with all widths, culls and entries, the others by turns */
-                rtt_compare_device(gpu, names[what], accels.of[s], &rays, want, true, (size_t)what, what == 4 ? 0 : 5);
+                rtt_compare_device(gpu, names[what], accels.of[s], &rays, want, true, (size_t)what, what == 4 ? 0 : 9);
         rtt_accels_free(&accels);
         rtt_model_free(&model);
         rtt_model_free(&child);
