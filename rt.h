@@ -611,6 +611,8 @@ RT_API rt_status rt_check_scene(const rt_scene *scene, rt_error *error);
 typedef struct {
     int width, height;                      /* of the whole picture */
     int spp;                                /* samples a pixel, at most RT_MAX_SPP; 0 = 1 */
+    int first_sample, samples;              /* draw those alone of the spp: `samples` from first_sample on; 0 = all that are left. So a
+                                               picture refines: the caller weighs what several calls draw */
     int depth;                              /* levels of reflection and refraction that follow an eye ray, at most RT_MAX_DEPTH; 0 = 5,
                                                negative: none */
     rt_trace_options trace;                 /* algorithm and so on; query is set by the renderer */
@@ -622,6 +624,9 @@ typedef struct {
     rt_sampler_kind sampler;                /* RT_SAMPLER_AUTO */
     rt_filter filter;                       /* RT_FILTER_BOX */
     uint32_t seed, frame;                   /* each gives new noise */
+    const uint32_t *counts;                 /* NULL, or one for each pixel of the picture: it gets so many samples, if that is less than
+                                               `samples`; pixels of 0 stay as they are. Not with RT_SAMPLER_AUTO, the first of whose
+                                               samples are in one corner of the pixel */
 #endif
 } rt_render_options;
 
@@ -7079,8 +7084,10 @@ typedef struct {
     rti_world world;
     rti_film film;
     rt_ray_counts counts;
-    int depth, spp, side;                   /* side: of a block, in pixels */
+    int depth, spp, first, samples, side;   /* side: of a block, in pixels */
+    int width;                              /* of the picture */
 #if RTI_SAMPLING
+    const uint32_t *wanted;                 /* counts of the options */
     float *times;                           /* one a ray of the batch, for those below */
     float *shares;                          /* of a light with a size: what its point counts, one a surface */
 #endif
@@ -7236,8 +7243,20 @@ static unsigned rti_unzip(unsigned code)
     return (code | code >> 4) & 0x1f;
 }
 
-/* The eye rays of a block through (dx, dy) of each pixel, in Morton order, so that those which follow each other are neighbours. */
-static size_t rti_look(rti_render *r, const int box[4], float dx, float dy)
+/* How many samples a pixel gets. */
+RTI_INLINE int rti_samples_of(const rti_render *r, int x, int y)
+{
+#if RTI_SAMPLING
+    const size_t pixel = (size_t)y * (size_t)r->width + (size_t)x;
+    if (r->wanted && r->wanted[pixel] < (uint32_t)r->samples) return (int)r->wanted[pixel];
+#endif
+    (void)x, (void)y;
+    return r->samples;
+}
+
+/* The eye rays of a block through (dx, dy) of each pixel that gets more than number samples, in Morton order, so that those which follow each
+   other are neighbours. */
+static size_t rti_look(rti_render *r, const int box[4], int number, float dx, float dy)
 {
     const unsigned width = (unsigned)(box[2] - box[0]), height = (unsigned)(box[3] - box[1]), side = (unsigned)r->side;
     const rti_view *view = &r->film.view;
@@ -7252,7 +7271,7 @@ static size_t rti_look(rti_render *r, const int box[4], float dx, float dy)
         const unsigned left = 2 * rti_unzip(i), top = 2 * rti_unzip(i >> 1);
         for (k = 0; k < 4; k++) {
             const unsigned x = left + k % 2, y = top + k / 2;
-            if (x >= width || y >= height) continue;
+            if (x >= width || y >= height || rti_samples_of(r, box[0] + (int)x, box[1] + (int)y) <= number) continue;
             rti_set_ray(ray++, eye, rti_add(corner, rti_add(right[x], down[y])), RTI_INFINITY);     /* the arithmetic of rti_view_ray */
             rti_start_path(path++, y * side + x, RTI_SAMPLING_OR(r->film.open, 0));
         }
@@ -7260,15 +7279,17 @@ static size_t rti_look(rti_render *r, const int box[4], float dx, float dy)
     return (size_t)(ray - r->rays);
 }
 
-/* One sample of every pixel of a block, added to the sums. */
-static void rti_render_block(rti_render *r, const int box[4], int sample)
+/* One sample of every pixel of a block that gets more than number, added to the sums. False: none does. */
+static bool rti_render_block(rti_render *r, const int box[4], int number)
 {
+    const int sample = r->first + number;
     rti_kind_of_ray kind = RTI_EYE;
     size_t n, seen, i;
     int level = 0;
     float dx, dy;
     rti_subpixel(sample, r->spp, &dx, &dy);
-    n = rti_look(r, box, dx, dy);
+    n = rti_look(r, box, number, dx, dy);
+    if (!n) return false;
     r->film.left = (uint32_t)box[0];
     r->film.top = (uint32_t)box[1];
 #if RTI_SAMPLING
@@ -7292,7 +7313,7 @@ static void rti_render_block(rti_render *r, const int box[4], int sample)
         r->finish(r->surfaces, seen);
         rti_light_up(r, seen, kind);
         if (r->shiny_count) rti_bounce(r, level + 1);
-        if (!r->group_count) return;
+        if (!r->group_count) return true;
         level = r->groups[r->group_count - 1].level;
         kind = r->groups[r->group_count - 1].kind;
         n = rti_take(r);
@@ -7322,7 +7343,7 @@ static void *rti_carve(char **memory, size_t count, size_t size)
 static void rti_render_blocks(rti_render *r, char *memory, const int tile[4], int width, rt_vec3 *pixels)
 {
     const size_t count = (size_t)r->side * (size_t)r->side;
-    int box[4], sample, x, y;
+    int box[4], number, x, y;
     r->film.side = (uint32_t)r->side;
     r->rays = (rt_ray *)rti_carve(&memory, count, sizeof *r->rays);
     r->hits = (rt_hit *)rti_carve(&memory, count, sizeof *r->hits);
@@ -7348,11 +7369,14 @@ static void rti_render_blocks(rti_render *r, char *memory, const int tile[4], in
             memset(r->sums, 0, count * sizeof *r->sums);
             box[2] = tile[2] < box[0] + r->side ? tile[2] : box[0] + r->side;
             box[3] = tile[3] < box[1] + r->side ? tile[3] : box[1] + r->side;
-            for (sample = 0; sample < r->spp; sample++) rti_render_block(r, box, sample);
+            for (number = 0; number < r->samples && rti_render_block(r, box, number);) number++;
             for (y = box[1]; y < box[3]; y++)
-                for (x = box[0]; x < box[2]; x++)
-                    pixels[(size_t)y * (size_t)width + (size_t)x] =
-                        rti_scale(r->sums[(y - box[1]) * r->side + x - box[0]], 1 / (float)r->spp);
+                for (x = box[0]; x < box[2]; x++) {
+                    const int drawn = rti_samples_of(r, x, y);
+                    if (drawn)
+                        pixels[(size_t)y * (size_t)width + (size_t)x] =
+                            rti_scale(r->sums[(y - box[1]) * r->side + x - box[0]], 1 / (float)drawn);
+                }
         }
 }
 
@@ -7498,6 +7522,8 @@ static rt_status rti_check_distribution(const rt_render_options *opt)
         return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "sampler %d is none of rt_sampler_kind", (int)opt->sampler);
     if ((unsigned)opt->filter >= RT_FILTER_COUNT)
         return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "filter %d is none of rt_filter", (int)opt->filter);
+    if (opt->counts && opt->sampler == RT_SAMPLER_AUTO)
+        return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE, "counts need a sampler other than auto");
     if (opt->raster && (lens->radius > 0 || lens->close > 0 || opt->sampler != RT_SAMPLER_AUTO || opt->filter != RT_FILTER_BOX))
         return rti_fail(opt->trace.error, RT_ERROR_ARGUMENT, RT_NONE,
                         "raster is of a pinhole at time 0: lens and shutter must be 0, sampler auto and filter box");
@@ -7563,6 +7589,9 @@ static void rti_choose_shaders(rti_render *r, rt_isa isa)
 #endif
 }
 
+static int rti_spp_of(const rt_render_options *opt) { return opt->spp ? opt->spp : 1; }
+static int rti_drawn_of(const rt_render_options *opt) { return opt->samples ? opt->samples : rti_spp_of(opt) - opt->first_sample; }
+
 /* What rt_render_tile is given, but for the scene. */
 static rt_status rti_check_tile(const rt_render_options *opt, const int tile[4])
 {
@@ -7575,6 +7604,9 @@ static rt_status rti_check_tile(const rt_render_options *opt, const int tile[4])
                         tile[2], tile[3], opt->width, opt->height);
     if (opt->spp < 0 || opt->spp > RTI_MAX_SPP)
         return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "spp is %d: it must lie between 0 (as 1) and %d", opt->spp, RTI_MAX_SPP);
+    if (opt->first_sample < 0 || opt->samples < 0 || opt->first_sample >= rti_spp_of(opt) || opt->samples > rti_spp_of(opt) - opt->first_sample)
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "first_sample is %d and samples %d: they are some of the spp %d", opt->first_sample,
+                        opt->samples, rti_spp_of(opt));
     if (opt->depth > RT_MAX_DEPTH)
         return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "depth is %d: it must be negative (none), 0 (as %d) or at most %d", opt->depth,
                         RTI_DEPTH, RT_MAX_DEPTH);
@@ -7613,11 +7645,15 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
     r.tuners[0][RTI_EYE].cost[0] = 1;       /* a tile is too short to try what never was slower by much: eye rays go as large packets */
     r.tuners[0][RTI_EYE].rest = UINT_MAX;
     r.raster = opt->raster;
-    r.spp = opt->spp ? opt->spp : 1;
+    r.spp = rti_spp_of(opt);
+    r.first = opt->first_sample;
+    r.samples = rti_drawn_of(opt);
+    r.width = opt->width;
     r.depth = rti_depth_of(opt);
     rti_set_world(&r, scene, opt->width, opt->height);
     r.job.times = NULL;
 #if RTI_SAMPLING
+    r.wanted = opt->counts;
     rti_set_distribution(&r.film, &scene->camera, rti_moves(scene->accel), opt, r.spp);
 #endif
     if (opt->trace.packet_width > RTI_BLOCK) rti_render_large(&r, tile, opt->width, pixels);

@@ -2475,8 +2475,9 @@ typedef struct {
     rti_gpu_task closest, any, cover;
     rti_gpu_object *raster;                 /* NULL: eye rays are traced */
     rti_cl buffers[3];                      /* rays, hits, times */
-    int spp;
-    rt_ray_counts counts;
+    int spp, first, samples;                /* samples first to first + samples - 1 of spp */
+    const uint32_t *counts;                 /* of opt */
+    rt_ray_counts rays;
     rti_gpu_pixel *pixels;                  /* of a tile, as read back */
     rt_error *error;
 } rti_gpu_picture;
@@ -2632,7 +2633,7 @@ static rt_status rti_gpu_find_programs(rti_gpu_picture *p, const rt_render_optio
 static size_t rti_gpu_work_bytes(const rti_gpu_frame *f)
 {
     const size_t waiting = f->waiting * (sizeof(rt_ray) + sizeof(rti_gpu_path));
-    return RTI_GPU_ALIGN + f->space * (sizeof(rti_gpu_pixel) + 2 * sizeof(rti_gpu_path) + RTI_GPU_SURFACE * sizeof(float) + waiting);
+    return RTI_GPU_ALIGN + f->space * (sizeof(rti_gpu_pixel) + 2 * sizeof(rti_gpu_path) + (RTI_GPU_SURFACE + 1) * sizeof(float) + waiting);
 }
 
 /* Pixels of a tile at most: enough to keep the device busy, few enough that a CPU's caches hold some of it; and bytes. */
@@ -2718,17 +2719,17 @@ static rt_status rti_gpu_light_up(rti_gpu_picture *p, uint32_t count, uint32_t t
     return status;
 }
 
-/* One sample of every pixel of a tile. */
-static rt_status rti_gpu_render_sample(rti_gpu_picture *p, int sample)
+/* One sample of count pixels of a tile: of all, or of the first that are listed. */
+static rt_status rti_gpu_render_sample(rti_gpu_picture *p, int number, uint32_t count)
 {
     rti_gpu_frame *f = &p->frame;
-    uint32_t count = f->width * f->height, turn = 0;
+    uint32_t turn = 0;
     bool eye = true;
     rt_status status;
-    rti_subpixel(sample, p->spp, &f->dx, &f->dy);
-    f->sample = (uint32_t)sample;
-    p->counts.primary += count;
-    status = rti_gpu_step(p, RTI_GPU_LOOK, count, turn, 0);
+    rti_subpixel(p->first + number, p->spp, &f->dx, &f->dy);
+    f->sample = (uint32_t)(p->first + number);
+    p->rays.primary += count;
+    status = rti_gpu_step(p, RTI_GPU_LOOK, count, turn, (uint32_t)number);
     while (count && status == RT_OK) {
         status = eye && p->raster ? rti_gpu_cover(p)
                                   : rti_gpu_launch(p->gpu, &p->closest, p->scene->accel, p->buffers, 0, count, NULL, p->error);
@@ -2743,25 +2744,71 @@ static rt_status rti_gpu_render_sample(rti_gpu_picture *p, int sample)
     return status == RT_OK && !f->depth ? rt_gpu_finish(p->gpu, p->error) : status;     /* no reads have done so: queues would grow */
 }
 
+/* How many samples pixel i of the part at hand gets. */
+static uint32_t rti_gpu_samples_of(const rti_gpu_picture *p, size_t i, int width)
+{
+    const rti_gpu_frame *f = &p->frame;
+    const uint32_t *count = p->counts ? &p->counts[(f->top + i / f->width) * (size_t)width + f->left + i % f->width] : NULL;
+    return count && *count < (uint32_t)p->samples ? *count : (uint32_t)p->samples;
+}
+
+/* Lists the pixels of the part at hand, those with the most samples first, and else in blocks of 8 x 8, so that neighbours stay together:
+   *active[n] becomes how many get more than n. */
+static rt_status rti_gpu_choose_pixels(rti_gpu_picture *p, int width, uint32_t **active)
+{
+    void *const user = p->gpu->memory_user;
+    const rti_gpu_frame *f = &p->frame;
+    const size_t space = f->space, bytes = RTI_GPU_ALIGN + space * (sizeof(rti_gpu_pixel) + 2 * sizeof(rti_gpu_path)) +
+        space * (RTI_GPU_SURFACE * sizeof(float) + f->waiting * (sizeof(rt_ray) + sizeof(rti_gpu_path)));
+    const uint32_t pixels = f->width * f->height, across = (f->width + 7) / 8, blocks = across * ((f->height + 7) / 8);
+    uint32_t *starts = (uint32_t *)rti_alloc((size_t)p->samples + 1, sizeof *starts, user), *list = (uint32_t *)rti_alloc(pixels, sizeof *list, user);
+    rt_status status = RT_OK;
+    uint32_t i, x, y;
+    *active = starts;
+    if (!starts || !list) {
+        rti_release(list, user);
+        return rti_fail(p->error, RT_ERROR_MEMORY, RT_NONE, "no memory to choose the pixels of a tile");
+    }
+    memset(starts, 0, ((size_t)p->samples + 1) * sizeof *starts);
+    for (i = 0; i < pixels; i++) starts[rti_gpu_samples_of(p, i, width)]++;
+    for (i = (uint32_t)p->samples; i-- > 0;) starts[i] += starts[i + 1];   /* those that get i or more; where those of i end */
+    for (i = blocks; i-- > 0;)
+        for (y = 8; y-- > 0;)
+            for (x = 8; x-- > 0;) {
+                const uint32_t column = i % across * 8 + x, row = i / across * 8 + y, pixel = row * f->width + column;
+                if (column < f->width && row < f->height) list[--starts[rti_gpu_samples_of(p, pixel, width)]] = pixel;
+            }                               /* now: where those of i begin, which is how many get more */
+    status = rti_gpu_send(&p->gpu->work->object, bytes, list, pixels * sizeof *list, "choosing pixels", p->error);
+    rti_release(list, user);
+    return status;
+}
+
 static rt_status rti_gpu_render_part(rti_gpu_picture *p, const int box[4], int width, rt_vec3 *pixels)
 {
     rti_gpu_frame *f = &p->frame;
+    uint32_t *active = NULL;                /* pixels with rays, by the number of a sample; NULL: all */
     rt_status status = RT_OK;
     size_t i;
-    int sample;
+    int number;
     f->left = (uint32_t)box[0];
     f->top = (uint32_t)box[1];
     f->width = (uint32_t)(box[2] - box[0]);
     f->height = (uint32_t)(box[3] - box[1]);
-    for (sample = 0; sample < p->spp && status == RT_OK; sample++) status = rti_gpu_render_sample(p, sample);
+    f->chosen = p->counts != NULL;
+    if (p->counts) status = rti_gpu_choose_pixels(p, width, &active);
+    for (number = 0; number < p->samples && status == RT_OK && (!active || active[number]); number++)
+        status = rti_gpu_render_sample(p, number, active ? active[number] : f->width * f->height);
+    rti_release(active, p->gpu->memory_user);
     if (status == RT_OK)
         status = rt_gpu_read(p->gpu->work, RTI_GPU_ALIGN, p->pixels, (size_t)f->width * f->height * sizeof *p->pixels, p->error);
     for (i = 0; i < (size_t)f->width * f->height && status == RT_OK; i++) {
         const rti_gpu_pixel *pixel = &p->pixels[i];
-        pixels[(f->top + i / f->width) * (size_t)width + f->left + i % f->width] = rti_scale(pixel->sum, 1 / (float)p->spp);
-        p->counts.shadow += pixel->shadow;
-        p->counts.reflect += pixel->reflect;
-        p->counts.refract += pixel->refract;
+        const uint32_t drawn = rti_gpu_samples_of(p, i, width);
+        if (!drawn) continue;
+        pixels[(f->top + i / f->width) * (size_t)width + f->left + i % f->width] = rti_scale(pixel->sum, 1 / (float)drawn);
+        p->rays.shadow += pixel->shadow;
+        p->rays.reflect += pixel->reflect;
+        p->rays.refract += pixel->refract;
     }
     return status;
 }
@@ -2801,7 +2848,12 @@ RT_API rt_status rt_gpu_render_tile(rt_gpu *gpu, const rt_gpu_scene *scene, cons
     memset(&p, 0, sizeof p);
     p.gpu = gpu;
     p.scene = scene;
-    p.spp = opt->spp ? opt->spp : 1;
+    p.spp = rti_spp_of(opt);
+    p.first = opt->first_sample;
+    p.samples = rti_drawn_of(opt);
+#if RTI_SAMPLING
+    p.counts = opt->counts;
+#endif
     p.error = opt->trace.error;
     rti_gpu_set_frame(&p, opt);
     if ((status = rti_gpu_find_programs(&p, opt)) != RT_OK || x0 == x1 || y0 == y1) return status;
@@ -2811,10 +2863,10 @@ RT_API rt_status rt_gpu_render_tile(rt_gpu *gpu, const rt_gpu_scene *scene, cons
     rti_release(p.pixels, gpu->memory_user);
     if (p.raster) rti_gpu_drop(p.raster);
     if (rays && status == RT_OK) {
-        rays->primary += p.counts.primary;
-        rays->shadow += p.counts.shadow;
-        rays->reflect += p.counts.reflect;
-        rays->refract += p.counts.refract;
+        rays->primary += p.rays.primary;
+        rays->shadow += p.rays.shadow;
+        rays->reflect += p.rays.reflect;
+        rays->refract += p.rays.refract;
     }
     return status;
 }

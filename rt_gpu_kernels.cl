@@ -1075,6 +1075,7 @@ typedef struct {
     float rfocus, open, length, angle, dx, dy;
     uint32_t left, top, width, height;      /* of the tile */
     uint32_t sample, spp, seed, frame, sampler, filter, lens_open, timed, spread;
+    uint32_t chosen;                        /* the pixels with rays are listed */
     uint32_t depth, space, waiting;         /* pixels that there is room for, and for how many rays that wait for each of them */
     uint32_t lights;                        /* where they are, as the arrays of an accel */
 } rti_gpu_frame;
@@ -1085,7 +1086,7 @@ typedef struct { float lo[2], hi[2], depth; } rti_gpu_span;
 typedef struct {                            /* rt_raster: see rti_span and rti_level of rt.h; arrays as those of an accel */
     uint32_t level_count, shifts[17], columns[17], firsts[17], triangle_count, solid_count, spans, starts, entries, slots;
 } rti_gpu_raster;
-typedef char rti_check_frame[sizeof(rti_gpu_frame) == 188 ? 1 : -1];
+typedef char rti_check_frame[sizeof(rti_gpu_frame) == 192 ? 1 : -1];
 typedef char rti_check_pixel[sizeof(rti_gpu_pixel) == 28 ? 1 : -1];
 typedef char rti_check_path[sizeof(rti_gpu_path) == 36 ? 1 : -1];
 typedef char rti_check_span[sizeof(rti_gpu_span) == 20 ? 1 : -1];
@@ -1408,13 +1409,13 @@ RTI_FN rt_light rti_light_of(const RTI_GLOBAL char *scene, const rti_gpu_frame *
 
 /* ---- steps: pictures, a sample of all pixels of a tile at a time ---------------------------------------------------- */
 
-/* look starts the eye rays; then, until no ray is left, rays are traced by the kernels of batches, meet finds the surfaces, aim sends shadow
+/* look starts the eye rays, of the pixels' first samples with number 0; then, until no ray is left, rays are traced by the kernels of batches, meet finds the surfaces, aim sends shadow
    rays to a light, which are traced, shine adds what the light does; bounce sends on what is mirrored or refracted. A pixel has one ray on
    its way, the others wait: so its sum has the order that it has in rt.h. */
 #if RTI_IN(STEPS)
 
 /* The memory of a tile: its pixels, the paths of the rays before and after a bounce, what is known of the surfaces they are on, number by
-   number, and what waits, place by place. */
+   number, what waits, place by place, and which pixels get rays, if not all do. */
 RTI_SHARED(
 typedef struct {
     RTI_GLOBAL uint32_t *count;             /* rays after a bounce */
@@ -1423,6 +1424,7 @@ typedef struct {
     RTI_GLOBAL float *surfaces;
     RTI_GLOBAL rt_ray *waiting_rays;
     RTI_GLOBAL rti_gpu_path *waiting;
+    RTI_GLOBAL uint32_t *chosen;
 } rti_work;
 
 RTI_FN void rti_make_work(RTI_GLOBAL char *memory, const rti_gpu_frame *frame, rti_work *w)
@@ -1435,6 +1437,7 @@ RTI_FN void rti_make_work(RTI_GLOBAL char *memory, const rti_gpu_frame *frame, r
     w->surfaces = (RTI_GLOBAL float *)(w->paths[1] + space);
     w->waiting_rays = (RTI_GLOBAL rt_ray *)(w->surfaces + RTI_GPU_SURFACE * space);
     w->waiting = (RTI_GLOBAL rti_gpu_path *)(w->waiting_rays + frame->waiting * space);
+    w->chosen = (RTI_GLOBAL uint32_t *)(w->waiting + frame->waiting * space);
 }
 )
 
@@ -1525,11 +1528,11 @@ __kernel RTI_GROUP void rt_gpu_look(RTI_STEP)
     if (i >= count) return;
     rti_make_work(memory, frame, &w);
     rti_make_film(frame, &film);
-    rti_start(frame, &film, rti_place_of(i, frame->width, frame->height), &path, &ray);
+    rti_start(frame, &film, frame->chosen ? w.chosen[i] : rti_place_of(i, frame->width, frame->height), &path, &ray);
     rays[i] = ray;
     if (RTI_TIMED) times[i] = RTI_SAMPLING_OR(path.time, 0);
     rti_save_path(scene, &path, 0, &w.paths[0][i]);
-    if (!frame->sample) w.pixels[path.pixel] = (rti_gpu_pixel){ { 0, 0, 0 }, 0, 0, 0, 0 };
+    if (!number) w.pixels[path.pixel] = (rti_gpu_pixel){ { 0, 0, 0 }, 0, 0, 0, 0 };
 }
 )
 

@@ -1110,6 +1110,9 @@ static void rtt_compare_pictures(rt_gpu *gpu, const char *what, const rt_scene *
     options.trace.stats = NULL;
 #endif
     options.trace.error = &error;
+    for (size_t i = 0; opt->counts && i < count; i++)
+        if (!opt->counts[i])
+            got[i] = want[i];               /* what is to stay as it is */
     status = rt_gpu_upload_scene(gpu, &there, scene, &error);
     if (status == RT_OK)
         status = rt_gpu_render_tile(gpu, there, &options, tile[0], tile[1], tile[2], tile[3], got, &counts);
@@ -8280,6 +8283,81 @@ static void rtt_test_large_triangles(void)
     }
 }
 
+/* A picture drawn in parts: their mean is the whole. What counts ask for is, pixel by pixel, what a call for so many samples draws. */
+static void rtt_test_parts(void)
+{
+    enum { SIDE = 37, SPP = 6 };
+    static rt_vec3 whole[SIDE * SIDE], part[SIDE * SIDE], drawn[SPP + 1][SIDE * SIDE];
+    static uint32_t counts[SIDE * SIDE];
+    rtt_random random = rtt_stream();
+    rt_render_options options;
+    rtt_stage stage;
+    rt_error error;
+
+    memset(&stage, 0, sizeof stage);
+    stage.materials[0] = rtt_material(rtt_gray(0.5f), rtt_gray(0.2f), rtt_gray(0), rtt_gray(0), 0, false);
+    rtt_stage_quad(&stage, rtt_v(-3, -1, 3), rtt_v(6, 0, 0), rtt_v(0, 0, -6), 0);
+    rtt_ball(&stage.model, rtt_v(0, 0, 0), 0.7f);
+    rtt_stage_build(&stage);
+    stage.light.position = rtt_v(2, 3, 1), stage.light.color = rtt_gray(1), stage.light.radius = 0.8f;
+    stage.scene.light_count = 1;
+    stage.scene.camera = (rt_camera){ { 0, 1, 4 }, { 0, -0.2f, 0 }, { 0, 1, 0 }, 40 };
+    memset(&options, 0, sizeof options);
+    options.width = options.height = SIDE;
+    options.lens.radius = 0.1f;
+    options.trace.error = &error;
+    for (int kind = 0; kind < RT_SAMPLER_COUNT; kind++) {
+        rt_ray_counts rays = { 0, 0, 0, 0 };
+        uint64_t sum = 0;
+
+        options.sampler = (rt_sampler_kind)kind;
+        options.spp = SPP;
+        options.first_sample = options.samples = 0;
+        options.counts = NULL;
+        CHECK_STATUS(rt_render_tile(&stage.scene, &options, 0, 0, SIDE, SIDE, whole, NULL), RT_OK);
+        for (int n = 1; n <= SPP; n++) {
+            options.samples = n;
+            CHECK_STATUS(rt_render_tile(&stage.scene, &options, 0, 0, SIDE, SIDE, drawn[n], NULL), RT_OK);
+        }
+        CHECK(memcmp(whole, drawn[SPP], sizeof whole) == 0 && memcmp(whole, drawn[2], sizeof whole) != 0);
+        options.first_sample = 2;
+        options.samples = 0;
+        CHECK_STATUS(rt_render_tile(&stage.scene, &options, 0, 0, SIDE, SIDE, part, NULL), RT_OK);
+        for (int i = 0; i < SIDE * SIDE; i++)
+            CHECK(fabsf((2 * drawn[2][i].x + 4 * part[i].x) / 6 - whole[i].x) < 1e-6f);
+        for (int i = 0; i < SIDE * SIDE; i++)
+            counts[i] = i % 5 == 0 ? 0 : rtt_below(&random, SPP + 1);
+        counts[7] = 1000;
+        for (int i = 0; i < SIDE * SIDE; i++)
+            sum += counts[i] < SPP ? counts[i] : SPP;
+        options.first_sample = 0;
+        options.counts = counts;
+        memcpy(drawn[0], part, sizeof part);
+        for (int width = 0; width <= 32; width += 32) {
+            options.trace.algorithm = width ? RT_BVH_RANGED : RT_AUTO;
+            options.trace.packet_width = width;
+            memcpy(part, drawn[0], sizeof part);
+            rays.primary = 0;
+            CHECK_STATUS(rt_render_tile(&stage.scene, &options, 0, 0, SIDE, SIDE, part, &rays), kind ? RT_OK : RT_ERROR_ARGUMENT);
+            CHECK(rays.primary == (kind ? sum : 0));
+            for (int i = 0; i < SIDE * SIDE; i++)
+                CHECK(memcmp(&part[i], &drawn[!kind ? 0 : counts[i] < SPP ? counts[i] : SPP][i], sizeof *part) == 0);
+        }
+        memset(&options.trace, 0, sizeof options.trace);
+        options.trace.error = &error;
+    }
+    for (int i = 0; i < 5; i++) {
+        static const int bad[][3] = { { 4, -1, 0 }, { 4, 4, 0 }, { 4, 0, 5 }, { 4, 3, 2 }, { 0, 0, -1 } };
+
+        options.counts = NULL;
+        options.spp = bad[i][0], options.first_sample = bad[i][1], options.samples = bad[i][2];
+        memset(&error, 0, sizeof error);
+        CHECK_STATUS(rt_render_tile(&stage.scene, &options, 0, 0, SIDE, SIDE, part, NULL), RT_ERROR_ARGUMENT);
+        CHECK(strstr(error.message, "first_sample") != NULL);
+    }
+    rtt_stage_free(&stage);
+}
+
 static void rtt_test_distribution_errors(void)
 {
     static const struct { size_t at; float value; const char *word; } bad[] = {
@@ -10062,6 +10140,7 @@ static const rtt_test rtt_tests[] = {
     { "distribution.confusion", rtt_test_confusion },
     { "distribution.streak", rtt_test_streak },
     { "distribution.ways", rtt_test_distribution_ways },
+    { "distribution.parts", rtt_test_parts },
     { "distribution.errors", rtt_test_distribution_errors },
     { "textures.levels", rtt_test_texture_levels },
     { "textures.filter", rtt_test_texture_filter },
