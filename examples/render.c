@@ -1,7 +1,7 @@
 /* render.c - renders a scene to a PPM picture: the main program of rt.h.    render --help tells all.
    cc -O2 render.c -o render -lm -lpthread -ldl
 
-   >>options  >>output  >>progress  >>frame  >>summary  >>main                          SPDX-License-Identifier: MIT OR Unlicense */
+   >>options  >>output  >>progress  >>frame  >>refine  >>summary  >>main                        SPDX-License-Identifier: MIT OR Unlicense */
 
 #define _POSIX_C_SOURCE 200809L
 #define RT_IMPLEMENTATION
@@ -10,6 +10,7 @@
 #include "../rt_gpu.h"
 #include "pool.h"
 #include "scene.h"
+#include "refine.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -60,7 +61,7 @@ typedef struct { bool given; rt_vec3 value; } point;
 
 typedef struct {
     const char *scene_name, *output;
-    int width, height, spp, depth, threads; /* threads 0: all processors */
+    int width, height, spp, depth, threads; /* spp 0: see --help; threads 0: all processors */
     rt_structure structure;                 /* RT_STRUCTURE_COUNT until it is known */
     const rt_algorithm_info *algorithm;
     int packet;                             /* 0: the algorithm's default */
@@ -81,8 +82,14 @@ typedef struct {
     int branching;
     bool gpu;                               /* render on an OpenCL device, */
     const char *device;                     /* of that name; NULL: see rt_gpu_options */
+    const char *report;                     /* where a table of the errors goes; NULL: none */
+    float error, seconds;                   /* where to stop; 0: at spp */
+    bool adaptive;
     bool quiet, help;
 } options;
+
+/* Is the picture drawn in rounds? */
+static bool refines(const options *o) { return o->report || o->error > 0 || o->seconds > 0 || o->adaptive; }
 
 #define NAME_OF(name, text) text,
 static const char *const structure_names[] = { RT_STRUCTURE_LIST(NAME_OF) };
@@ -201,6 +208,10 @@ static bool read_uint(const char *text, uint32_t *value)
 
 static bool set_frame(options *o, const char *text)   { return read_uint(text, &o->frame); }
 static bool set_seed(options *o, const char *text)    { return read_uint(text, &o->seed); }
+static bool set_report(options *o, const char *text)  { o->report = text; return text[0] != '\0'; }
+static bool set_error(options *o, const char *text)   { return read_float(text, '\0', &o->error, NULL) && o->error > 0; }
+static bool set_seconds(options *o, const char *text) { return read_float(text, '\0', &o->seconds, NULL) && o->seconds > 0; }
+static bool set_adaptive(options *o, const char *text) { (void)text; o->adaptive = true; return true; }
 static bool set_gpu(options *o, const char *text)     { (void)text; o->gpu = true; return true; }
 static bool set_device(options *o, const char *text)  { o->gpu = true; o->device = text; return text[0] != '\0'; }
 static bool set_quiet(options *o, const char *text)   { (void)text; o->quiet = true; return true; }
@@ -262,7 +273,12 @@ static const struct {
     { "-o",          "FILE.ppm", set_output,    "the picture (default out.ppm)",                     "a file name" },
     { "--size",      "WxH",      set_size,      "pixels (default 800x600)",
       "WxH, each 1 to " TEXT(MAX_SIDE) ", at most " TEXT(MAX_PIXELS) " pixels together" },
-    { "--spp",       "N",        set_spp,       "samples a pixel (default 4)",                       "1 to " TEXT(MAX_SPP) },
+    { "--spp",       "N",        set_spp,       "samples a pixel (default 4); with --error or --time: the most (default " TEXT(MAX_SPP) ")",
+      "1 to " TEXT(MAX_SPP) },
+    { "--error",     "TARGET",   set_error,     "refine until the estimated error, the root of the mean square, is that small", "a number above 0" },
+    { "--time",      "SECONDS",  set_seconds,   "refine as far as these seconds of drawing allow",   "a number above 0" },
+    { "--report",    "FILE.csv", set_report,    "refine, and write samples, seconds, rays and estimated errors", "a file name" },
+    { "--adaptive",  NULL,       set_adaptive,  "refine by giving noisy pixels more samples",        NULL },
     { "--depth",     "N",        set_depth,     "levels of reflected and refracted rays (default 5; 0: none)", "0 to " TEXT(RT_MAX_DEPTH) },
     { "--structure", "NAME",     set_structure, "what to build (default: what the algorithm takes)", "one of:" RT_STRUCTURE_LIST(LISTED) },
     { "--algorithm", "NAME",     set_algorithm, "how to trace (default auto)",                       "an algorithm's name: see --help" },
@@ -301,10 +317,6 @@ static const struct {
 };
 #define OPTION_COUNT (sizeof option_table / sizeof option_table[0])
 
-/* Command line names that are taken, for what is still to come. */
-static const char *const unbuilt_options[] = { "--time", "--error", "--report" };
-#define UNBUILT_COUNT (sizeof unbuilt_options / sizeof unbuilt_options[0])
-
 /* Is argument "name" or "name=..."? */
 static bool names_option(const char *argument, const char *name)
 {
@@ -319,15 +331,13 @@ static bool parse_options(options *o, int argc, char **argv)
 
     for (i = 1; i < argc; i++) {
         const char *argument = argv[i], *value;
-        size_t row = 0, unbuilt = 0;
+        size_t row = 0;
 
         if (argument[0] != '-') {
             if (o->scene_name) return fail("two scenes given, '%s' and '%s'; one picture at a time", o->scene_name, argument);
             o->scene_name = argument;
             continue;
         }
-        while (unbuilt < UNBUILT_COUNT && !names_option(argument, unbuilt_options[unbuilt])) unbuilt++;
-        if (unbuilt < UNBUILT_COUNT) return fail("%s is not built yet", unbuilt_options[unbuilt]);
         while (row < OPTION_COUNT && !names_option(argument, option_table[row].name)) row++;
         if (row == OPTION_COUNT) return fail("unknown option '%s'; see --help", argument);
         value = strchr(argument, '=');
@@ -340,7 +350,13 @@ static bool parse_options(options *o, int argc, char **argv)
         }
         if (!option_table[row].set(o, value)) return fail("%s '%s': must be %s", option_table[row].name, value, option_table[row].range);
     }
-    return o->help || o->scene_name || fail("no scene given; see --help");
+    if (o->help) return true;
+    if (!o->scene_name) return fail("no scene given; see --help");
+    if (!o->spp) o->spp = o->error > 0 || o->seconds > 0 ? MAX_SPP : 4;
+    if (refines(o) && o->spp < 2) return fail("--spp %d: --report, --error, --time and --adaptive compare samples: choose 2 or more", o->spp);
+    if (refines(o) && o->raster) return fail("--primary raster has its samples at regular places: --report, --error, --time and --adaptive "
+                                             "need them by chance: choose --primary trace");
+    return true;
 }
 
 static void print_help(void)
@@ -429,14 +445,14 @@ static void hold_signals(int how)
     sigprocmask(how, &set, NULL);
 }
 
-/* Finds out before the work whether the picture can be written afterwards: by writing an empty file beside it. */
+/* Finds out before the work whether a file can be written afterwards: by writing an empty one beside it. */
 static bool check_output(const char *path, const char *scene_name)
 {
     struct stat status;
     char temporary[4096];
     int file;
 
-    if (strcmp(path, scene_name) == 0) return fail("%s: is the scene; choose another -o", path);
+    if (strcmp(path, scene_name) == 0) return fail("%s: is the scene; choose another file", path);
     if (stat(path, &status) == 0) {
         if (S_ISDIR(status.st_mode)) return fail("%s: is a folder", path);
         if (!S_ISREG(status.st_mode)) return fail("%s: is not an ordinary file", path);
@@ -486,11 +502,11 @@ static void progress_line(const progress *bar, const char *format, ...)
     fputs("\033[K", stderr);                /* erases what a longer line left on the right */
 }
 
-/* part: how much of the work is done, in (0, 1]. */
-static void progress_draw(progress *bar, double elapsed, double part, uint64_t rays)
+/* part: how much of the round at hand, which has lasted for now seconds of all that have passed, is done, in (0, 1]. */
+static void progress_draw(progress *bar, double elapsed, double now, double part, uint64_t rays)
 {
     int full = (int)(part * BAR_WIDTH);
-    long left = (long)(elapsed * (1 - part) / part);
+    long left = (long)(now * (1 - part) / part);
 
     if (elapsed < bar->next) return;
     bar->next = elapsed + 0.1;
@@ -505,7 +521,8 @@ typedef struct {
     rt_render_options how;
     rt_vec3 *pixels;
     size_t columns, tiles;
-    double start;
+    double start, round;                    /* when drawing began, and the round at hand */
+    pool *workers;
     pthread_mutex_t lock;                   /* of all that follows */
     size_t done;
     rt_ray_counts rays;
@@ -540,7 +557,7 @@ static void render_one_tile(void *context, size_t index)
     f->rays.reflect += rays.reflect;
     f->rays.refract += rays.refract;
     f->done++;
-    progress_draw(f->bar, seconds_now() - f->start, (double)f->done / (double)f->tiles, all_rays(&f->rays));
+    progress_draw(f->bar, seconds_now() - f->start, seconds_now() - f->round, (double)f->done / (double)f->tiles, all_rays(&f->rays));
     pthread_mutex_unlock(&f->lock);
 }
 
@@ -555,10 +572,11 @@ static rt_status render_bands(frame *f)
     rows = (info.gpu ? 1 << 20 : 1 << 16) / width;
     if (rows < 1) rows = 1;
     if (f->how.raster) rows = height;       /* it is copied with each band */
-    f->start = seconds_now();
     for (y = 0; y < height && f->status == RT_OK; y += rows) {
+        const double part = (double)(y + rows < height ? y + rows : height) / height;
+
         f->status = rt_gpu_render_tile(f->gpu, f->there, &f->how, 0, y, width, y + rows < height ? y + rows : height, f->pixels, &f->rays);
-        progress_draw(f->bar, seconds_now() - f->start, (double)(y + rows < height ? y + rows : height) / height, all_rays(&f->rays));
+        progress_draw(f->bar, seconds_now() - f->start, seconds_now() - f->round, part, all_rays(&f->rays));
     }
     return f->status;
 }
@@ -579,15 +597,112 @@ static bool prepare_device(const options *o, frame *f)
     return status == RT_OK || fail("--gpu: %s", reason(status, &error));
 }
 
-static rt_status render_frame(frame *f, pool *workers)
+static rt_status render_tiles(frame *f)
 {
     f->columns = (size_t)(f->how.width + TILE - 1) / TILE;
     f->tiles = f->columns * ((size_t)(f->how.height + TILE - 1) / TILE);
-    f->start = seconds_now();
+    f->done = 0;
     pthread_mutex_init(&f->lock, NULL);
-    pool_for(workers, f->tiles, render_one_tile, f);
+    pool_for(f->workers, f->tiles, render_one_tile, f);
     pthread_mutex_destroy(&f->lock);
     return f->status;
+}
+
+/* A refine_draw. */
+static rt_status draw_frame(void *context, const rt_render_options *how, rt_vec3 *pixels)
+{
+    frame *f = context;
+
+    f->how = *how;
+    f->pixels = pixels;
+    f->round = seconds_now();
+    return f->gpu ? render_bands(f) : render_tiles(f);
+}
+
+/* ---- >>refine ------------------------------------------------------------------------------------------------------- */
+
+typedef struct { double samples, seconds, error, relative; uint64_t rays; } round_row;
+typedef struct { round_row rows[64]; size_t count; const char *why; } refine_log;   /* why: what ended it */
+
+static bool write_report(const options *o, const refine_log *log)
+{
+    char temporary[4096];
+    FILE *file;
+    bool written;
+    size_t i;
+
+    if (!o->report) return true;
+    snprintf(temporary, sizeof temporary, "%s.new.%ld", o->report, (long)getpid());
+    hold_signals(SIG_BLOCK);
+    file = fopen(temporary, "w");
+    if (file) fputs("spp,seconds,rays,rmse,relmse\n", file);
+    for (i = 0; file && i < log->count; i++)
+        fprintf(file, "%.6g,%.6f,%llu,%.6g,%.6g\n", log->rows[i].samples, log->rows[i].seconds, (unsigned long long)log->rows[i].rays,
+                log->rows[i].error, log->rows[i].relative);
+    written = file && !ferror(file);
+    if (file && fclose(file) != 0) written = false;
+    if (written && rename(temporary, o->report) != 0) written = false;
+    if (!written) fail("%s: %s", o->report, strerror(errno));
+    if (!written && file) unlink(temporary);
+    hold_signals(SIG_UNBLOCK);
+    return written;
+}
+
+static void print_row(const options *o, const progress *bar, const round_row *row)
+{
+    progress_line(bar, "");
+    if (!o->quiet) printf("%8.5g %9.3f %9.2f %12.6g %12.6g\n", row->samples, row->seconds, (double)row->rays * 1e-6, row->error, row->relative);
+}
+
+/* How many samples there shall be after the next round; 0: it is over, and log tells why. Rounds grow so that what was drawn before them counts
+   for little: twofold; adaptive ones, which begin anew, fourfold. Where the goal is near they are as long as it seems to take. */
+static int next_samples(const options *o, const refinement *r, refine_log *log)
+{
+    const round_row *last = log->count ? &log->rows[log->count - 1] : NULL;
+    const double now = r->samples, start = o->adaptive ? 8 : 1, step = now < 2 ? 1 : 2;
+    double next = !last ? start : now * (o->adaptive ? 4 : 2);
+
+    log->why = "--spp";
+    if (last && o->error > 0 && last->error <= (double)o->error) return log->why = "--error", 0;
+    if (last && o->error > 0 && last->error > 0) next = fmin(next, ceil((now + 1.05 * (refine_needs(r, (double)o->error) - now)) / step) * step);
+    if (next > o->spp) next = o->spp;
+    if (last && o->seconds > 0) {
+        const double before = log->count > 1 ? last[-1].seconds : 0, had = log->count > 1 ? last[-1].samples : 0;
+        const double room = ((double)o->seconds - last->seconds) * 0.97 * (last->samples - had) / (last->seconds - before);
+
+        if (now + step > now + room) return log->why = "--time", 0;
+        next = fmin(next, floor((now + room) / step) * step);
+    }
+    if (next < now + step) next = now + step;
+    return next > o->spp ? 0 : (int)next;
+}
+
+/* Draws in rounds until one of the goals is reached. */
+static rt_status refine_picture(const options *o, frame *f, refinement *r, refine_log *log)
+{
+    rt_status status = RT_OK;
+    int next;
+
+    if (!o->quiet) puts("     spp   seconds     Mrays        error     relative");
+    while (status == RT_OK && log->count < sizeof log->rows / sizeof log->rows[0] && (next = next_samples(o, r, log)) > 0) {
+        round_row *row = &log->rows[log->count];
+
+        status = refine_until(r, next);
+        if (status != RT_OK) break;
+        row->samples = r->samples;
+        row->seconds = seconds_now() - f->start;
+        row->rays = all_rays(&f->rays);
+        row->error = r->error;
+        row->relative = r->relative;
+        log->count++;
+        if (log->count == 2 && !o->adaptive) {          /* now one knows how far one half was from the truth */
+            row[-1].error = row->error * sqrt(2);
+            row[-1].relative = row->relative * 2;
+            print_row(o, f->bar, row - 1);
+        }
+        if (log->count > 1 || o->adaptive) print_row(o, f->bar, row);
+    }
+    return status;
 }
 
 /* Puts the options' camera and light in the place of the scene's; default lights follow the camera. */
@@ -684,8 +799,8 @@ static const char *byte_size(size_t bytes, label *out)
     return out->text;
 }
 
-static void print_summary(const options *o, const scene *loaded, const rt_info *tree, const frame *f, int threads, double load_seconds,
-                          double build_seconds, double sort_seconds, double device_seconds, double render_seconds)
+static void print_summary(const options *o, const scene *loaded, const rt_info *tree, const frame *f, const refine_log *log, int threads,
+                          double load_seconds, double build_seconds, double sort_seconds, double device_seconds, double render_seconds)
 {
     size_t primitives = tree->triangles + tree->spheres;
     uint64_t rays = all_rays(&f->rays);
@@ -716,8 +831,12 @@ static void print_summary(const options *o, const scene *loaded, const rt_info *
     printf("speed     %.2f Mrays/s: %.3f s with %s on ", (double)rays / render_seconds * 1e-6, render_seconds, o->algorithm->name);
     if (f->gpu) puts("the device");
     else printf("%d thread%s\n", threads, threads == 1 ? "" : "s");
-    printf("picture   %s, %dx%d, %d sample%s a pixel, depth %d\n", o->output, o->width, o->height, o->spp, o->spp == 1 ? "" : "s",
-           o->depth);
+    if (log->count) {
+        const round_row *last = &log->rows[log->count - 1];
+        printf("error     %.3g estimated, %.3g relative: ended by %s\npicture   %s, %dx%d, %.4g samples a pixel, depth %d\n", last->error,
+               last->relative, log->why, o->output, o->width, o->height, last->samples, o->depth);
+    } else printf("picture   %s, %dx%d, %d sample%s a pixel, depth %d\n", o->output, o->width, o->height, o->spp, o->spp == 1 ? "" : "s",
+                  o->depth);
 }
 
 /* ---- >>main --------------------------------------------------------------------------------------------------------- */
@@ -757,23 +876,29 @@ static bool render(options *o)
     rt_light lights[2];
     rt_info tree;
     frame f = {0};
+    refinement rounds = {0};
+    refine_log log = {0};
+    rt_vec3 *pixels = NULL;
     rt_status status;
     int threads;
     double start, load_seconds, build_seconds, sort_seconds, device_seconds, render_seconds;
     bool done = false;
 
     if (!check_tracing(o, &f.how.trace) || !check_output(o->output, o->scene_name)) return false;
+    if (o->report && strcmp(o->report, o->output) == 0) return fail("%s: is the picture; choose another --report", o->report);
+    if (o->report && !check_output(o->report, o->scene_name)) return false;
     bar.shown = !o->quiet && isatty(STDERR_FILENO);
     bar.next = 0.1;
     start = seconds_now();
     if (!load(o, &bar, &loaded)) goto cleanup;
     load_seconds = seconds_now() - start;
 
-    f.pixels = calloc((size_t)o->width * (size_t)o->height, sizeof *f.pixels);
-    if (!f.pixels) { fail("out of memory for a picture of %dx%d", o->width, o->height); goto cleanup; }
+    pixels = calloc((size_t)o->width * (size_t)o->height, sizeof *pixels);
+    if (!pixels) { fail("out of memory for a picture of %dx%d", o->width, o->height); goto cleanup; }
     workers = pool_create(o->threads);
     if (!workers) { fail("cannot start the threads: choose a smaller --threads"); goto cleanup; }
     threads = pool_threads(workers);
+    f.workers = workers;
 
     progress_line(&bar, "building ...");
     build.structure = o->structure;
@@ -819,19 +944,27 @@ static bool render(options *o)
     start = seconds_now();
     if (o->gpu) {
         progress_line(&bar, "compiling ...");
+        f.pixels = pixels;
         if (!prepare_device(o, &f)) goto cleanup;
         progress_line(&bar, "");
     }
     device_seconds = seconds_now() - start;
-    status = o->gpu ? render_bands(&f) : render_frame(&f, workers);
+    if (refines(o) && !refine_begin(&rounds, &f.how, o->adaptive, draw_frame, &f)) {
+        fail("out of memory for a picture of %dx%d in rounds", o->width, o->height);
+        goto cleanup;
+    }
+    f.start = seconds_now();
+    status = refines(o) ? refine_picture(o, &f, &rounds, &log) : draw_frame(&f, &f.how, pixels);
     render_seconds = seconds_now() - f.start;
     progress_line(&bar, "");
     if (status != RT_OK) { fail("%s: %s", o->scene_name, reason(status, &f.error)); goto cleanup; }
 
     pool_destroy(workers);                  /* leaves one thread, as write_picture wants */
     workers = NULL;
-    if (!write_picture(o, f.pixels)) goto cleanup;
-    if (!o->quiet) print_summary(o, &loaded, &tree, &f, threads, load_seconds, build_seconds, sort_seconds, device_seconds,
+    if (!write_picture(o, refines(o) ? rounds.picture : pixels) || !write_report(o, &log)) goto cleanup;
+    if (o->error > 0 && log.rows[log.count - 1].error > (double)o->error)
+        fprintf(stderr, "render: warning: the error is %.3g, not %g: %s ended it\n", log.rows[log.count - 1].error, (double)o->error, log.why);
+    if (!o->quiet) print_summary(o, &loaded, &tree, &f, &log, threads, load_seconds, build_seconds, sort_seconds, device_seconds,
                                  render_seconds);
     done = true;
 cleanup:
@@ -839,7 +972,8 @@ cleanup:
     rt_raster_free(raster);
     rt_free(accel);
     pool_destroy(workers);
-    free(f.pixels);
+    refine_end(&rounds);
+    free(pixels);
     scene_free(&loaded);
     return done;
 }
@@ -851,7 +985,6 @@ int main(int argc, char **argv)
     o.output = "out.ppm";
     o.width = 800;
     o.height = 600;
-    o.spp = 4;
     o.depth = 5;
     o.roughness = -1;
     o.structure = RT_STRUCTURE_COUNT;

@@ -6050,6 +6050,7 @@ static void loader_free(void *memory)
 #define free loader_free
 #include "../examples/pool.h"
 #include "../examples/scene.h"
+#include "../examples/refine.h"
 #undef malloc
 #undef calloc
 #undef realloc
@@ -9132,6 +9133,215 @@ static void rtt_test_animate(void)
     loader_clear();
 }
 
+/* ---- pictures that refine */
+
+enum { RTT_REFINE_SIDE = 24 };
+
+/* A bright ball out of focus before grey ground under a round light: rare samples matter in the middle, none at the rim. */
+static void rtt_refine_stage(rtt_stage *stage, rt_render_options *how)
+{
+    memset(stage, 0, sizeof *stage);
+    stage->materials[0] = rtt_material(rtt_gray(0.3f), rtt_gray(0), rtt_gray(0), rtt_gray(0), 0, false);
+    stage->materials[1] = rtt_material(rtt_gray(0), rtt_gray(3), rtt_gray(0), rtt_gray(0), 0, false);
+    rtt_stage_quad(stage, rtt_v(-9, -9, -8), rtt_v(18, 0, 0), rtt_v(0, 18, 0), 0);
+    rtt_ball(&stage->model, rtt_v(0, 0, -2), 0.03f);
+    rtt_stage_build(stage);
+    stage->light.position = rtt_v(1, 4, -3), stage->light.color = rtt_gray(1), stage->light.radius = 0.5f;
+    stage->scene.light_count = 1;
+    stage->scene.camera = (rt_camera){ { 0, 0, 0 }, { 0, 0, -1 }, { 0, 1, 0 }, 30 };
+    memset(how, 0, sizeof *how);
+    how->width = how->height = RTT_REFINE_SIDE;
+    how->spp = 4096;
+    how->lens.radius = 0.2f, how->lens.focus = 8;
+}
+
+static rt_status rtt_refine_draw(void *context, const rt_render_options *how, rt_vec3 *pixels)
+{
+    return (rt_render_tile)((const rt_scene *)context, how, 0, 0, how->width, how->height, pixels, NULL);
+}
+
+/* The estimate of the error is near the error, with each sampler, uniform and adaptive, from two samples on. */
+static void rtt_test_refine_estimate(void)
+{
+    enum { PIXELS = RTT_REFINE_SIDE * RTT_REFINE_SIDE };
+    static rt_vec3 reference[PIXELS];
+    rt_render_options how;
+    rtt_stage stage;
+
+    rtt_refine_stage(&stage, &how);
+    how.sampler = RT_SAMPLER_SOBOL;
+    how.seed = 99;
+    CHECK_STATUS((rt_render_tile)(&stage.scene, &how, 0, 0, how.width, how.height, reference, NULL), RT_OK);
+    for (int kind = RT_SAMPLER_INDEPENDENT; kind < RT_SAMPLER_COUNT; kind++)
+        for (int adaptive = 0; adaptive < 2; adaptive++)
+            for (int samples = adaptive ? 8 : 2; samples <= 128; samples *= 4) {
+                double estimate = 0, truth = 0;
+
+                for (int seed = 0; seed < 8; seed++) {
+                    refinement r;
+
+                    how.sampler = (rt_sampler_kind)kind;
+                    how.seed = (uint32_t)seed;
+                    CHECK(refine_begin(&r, &how, adaptive, rtt_refine_draw, &stage.scene));
+                    for (int now = adaptive ? 8 : 1; now <= samples; now *= adaptive ? 4 : 2)
+                        CHECK_STATUS(refine_until(&r, now), RT_OK);
+                    estimate += r.error * r.error;
+                    for (int i = 0; i < PIXELS; i++)
+                        truth += refine_square(r.picture[i], reference[i]) / PIXELS;
+                    CHECK(adaptive ? fabs(r.samples / samples - 1) < 0.2 : r.samples == samples);
+                    refine_end(&r);
+                }
+                if (!(estimate < 1.4 * truth && truth < 1.4 * estimate))
+                    rtt_fail("sampler %d%s, %d samples: the error is %g, estimated as %g", kind, adaptive ? ", adaptive" : "", samples,
+                             sqrt(truth / 8), sqrt(estimate / 8));
+            }
+    rtt_stage_free(&stage);
+}
+
+/* The mean over many adaptive pictures is that of uniform ones. That of samples that all weigh alike is not: so the test can tell. */
+static void rtt_test_refine_bias(void)
+{
+    enum { PIXELS = RTT_REFINE_SIDE * RTT_REFINE_SIDE, RUNS = 2000 };
+    rt_render_options how;
+    rtt_stage stage;
+    double sums[3] = { 0, 0, 0 }, squares[3] = { 0, 0, 0 };
+    static rt_vec3 pixels[PIXELS];
+
+    rtt_refine_stage(&stage, &how);
+    how.sampler = RT_SAMPLER_INDEPENDENT;
+    how.spp = 64;
+    for (uint32_t run = 0; run < RUNS; run++) {
+        double values[3] = { 0, 0, 0 };
+        refinement r;
+
+        how.frame = run;
+        CHECK(refine_begin(&r, &how, true, rtt_refine_draw, &stage.scene));
+        CHECK_STATUS(refine_until(&r, 2), RT_OK);
+        for (int i = 0; i < PIXELS; i++)
+            pixels[i].x = (r.parts[0][i].x + r.parts[1][i].x) / 2;
+        CHECK_STATUS(refine_until(&r, 8), RT_OK);
+        for (int i = 0; i < PIXELS; i++) {
+            const double count = (double)r.counts[i];
+
+            values[0] += (double)r.picture[i].x;
+            values[1] += ((double)pixels[i].x + count * (double)(r.parts[0][i].x + r.parts[1][i].x) / 2) / (1 + count);
+        }
+        refine_end(&r);
+        CHECK(refine_begin(&r, &how, false, rtt_refine_draw, &stage.scene));
+        how.frame = run + RUNS;
+        r.how.frame = how.frame;
+        CHECK_STATUS(refine_until(&r, 8), RT_OK);
+        for (int i = 0; i < PIXELS; i++)
+            values[2] += (double)r.picture[i].x;
+        refine_end(&r);
+        for (int k = 0; k < 3; k++)
+            sums[k] += values[k], squares[k] += values[k] * values[k];
+    }
+    for (int k = 0; k < 2; k++) {
+        const double away = (sums[k] - sums[2]) / RUNS;
+        const double deviation = sqrt((squares[k] - sums[k] * sums[k] / RUNS + squares[2] - sums[2] * sums[2] / RUNS) / RUNS / RUNS);
+
+        if (k ? fabs(away) < 3 * deviation : fabs(away) > 3.5 * deviation)
+            rtt_fail("%s: the mean is off by %g deviations", k ? "all samples alike, which should show" : "adaptive", away / deviation);
+    }
+    rtt_stage_free(&stage);
+}
+
+/* A draw that fails leaves the picture as it was. */
+static rt_status rtt_refine_fail(void *context, const rt_render_options *how, rt_vec3 *pixels)
+{
+    memset(pixels, 0x55, (size_t)how->width * (size_t)how->height * sizeof *pixels);
+    return --*(int *)context < 0 ? RT_ERROR_MEMORY : RT_OK;
+}
+
+static void rtt_test_refine_failure(void)
+{
+    enum { PIXELS = RTT_REFINE_SIDE * RTT_REFINE_SIDE };
+    static rt_vec3 before[PIXELS];
+    rt_render_options how;
+
+    memset(&how, 0, sizeof how);
+    how.width = how.height = RTT_REFINE_SIDE;
+    how.spp = 64;
+    for (int adaptive = 0; adaptive < 2; adaptive++) {
+        refinement r;
+        int left = 3;                       /* the second half of the second round fails */
+
+        CHECK(refine_begin(&r, &how, adaptive, rtt_refine_fail, &left));
+        CHECK_STATUS(refine_until(&r, 8), RT_OK);
+        memcpy(before, r.picture, sizeof before);
+        CHECK_STATUS(refine_until(&r, 16), RT_ERROR_MEMORY);
+        CHECK(memcmp(before, r.picture, sizeof before) == 0 && r.samples == 8 && r.error == 0);
+        refine_end(&r);
+    }
+}
+
+/* render --report, --error, --time and --adaptive. */
+static void rtt_test_report(void)
+{
+    static const char *const bad[][2] = {
+        { "--report no/such/folder/x.csv", "no/such/folder/x.csv" }, { "--report .", "is a folder" }, { "--error 0", "above 0" },
+        { "--error nan", "above 0" }, { "--time -1", "above 0" }, { "--time x", "above 0" }, { "--adaptive=1", "takes no value" },
+        { "--spp 1 --error 0.1", "2 or more" }, { "--primary raster --adaptive", "--primary trace" },
+    };
+    static const char *const runs[] = {
+        "--spp 16", "--spp 13 --sampler independent", "--spp 200 --adaptive", "--error 0.02", "--error 0.02 --adaptive", "--time 0.2",
+        "--time 0.2 --adaptive", "--spp 16 --sampler stratified --threads 1", "--error 1e-9 --spp 8",
+    };
+    char said[4096], command[2048], base[512], csv[520];
+
+    if (access("build/render", X_OK) != 0)
+        return;                             /* as animate */
+    snprintf(base, sizeof base, "%s", loader_path("r"));
+    snprintf(csv, sizeof csv, "%s.csv", base);
+    for (size_t i = 0; i < RTT_COUNT(bad); i++) {
+        snprintf(command, sizeof command, "cornell -o '%sx.ppm' --size 8x8 %s", base, bad[i][0]);
+        CHECK(rtt_run_program("render", command, said, sizeof said) != 0);
+        snprintf(command, sizeof command, "%sx.ppm", base);
+        if (!strstr(said, bad[i][1]) || access(command, F_OK) == 0)
+            rtt_fail("render %s: %s", bad[i][0], said);
+    }
+    for (size_t i = 0; i < RTT_COUNT(runs); i++) {
+        double spp = 0, seconds = 0, rays = 0, error = 0, relative, last[3] = { 0, 0, 0 };
+        FILE *file;
+        int rows = 0;
+
+        snprintf(command, sizeof command, "cornell -o '%s.ppm' --size 48x48 --light-radius 0.3 --report '%s' %s", base, csv, runs[i]);
+        if (rtt_run_program("render", command, said, sizeof said) != 0 || !strstr(said, "estimated"))
+            rtt_fail("render %s: %s", runs[i], said);
+        file = fopen(csv, "r");
+        CHECK(file && fgets(said, sizeof said, file) && strcmp(said, "spp,seconds,rays,rmse,relmse\n") == 0);
+        while (file && fscanf(file, "%lf,%lf,%lf,%lf,%lf\n", &spp, &seconds, &rays, &error, &relative) == 5) {
+            CHECK(spp > last[0] && seconds > last[1] && rays > last[2] && error > 0 && error < 1 && relative > 0);
+            last[0] = spp, last[1] = seconds, last[2] = rays;
+            if (!strstr(runs[i], "--adaptive") && !strstr(runs[i], "--time") && rows < 3)
+                CHECK(spp == 1 << rows);
+            rows++;
+        }
+        CHECK(rows > !strstr(runs[i], "--adaptive") && file && feof(file));
+        if (file)
+            fclose(file);
+        CHECK(!strstr(runs[i], "--spp 16") || spp == 16);
+        CHECK(!strstr(runs[i], "--spp 13") || spp == 13);
+        CHECK(!strstr(runs[i], "--error 0.02") || error <= 0.02);
+        CHECK(!strstr(runs[i], "--time 0.2") || (seconds < 2 && spp < 65536));
+        CHECK(!strstr(runs[i], "1e-9") || spp == 8);
+    }
+    /* the picture is the mean of both halves, whoever draws it */
+    for (int k = 0; k < 3; k++) {
+        static const char *const ways[] = { "--threads 1", "--threads 3 --algorithm kd.shortstack", "--gpu" };
+
+        if (k == 2 && rtt.no_gpu)
+            continue;
+        snprintf(command, sizeof command, "balls:2 -o '%s%d.ppm' --size 48x40 --light-radius 0.3 --adaptive --spp 40 --quiet %s", base, k, ways[k]);
+        if (rtt_run_program("render", command, said, sizeof said) != 0 || said[0])
+            rtt_fail("render %s: %s", command, said);
+        snprintf(command, sizeof command, "r%d.ppm", k);
+        CHECK(rtt_same_files("r0.ppm", command));
+    }
+    loader_clear();
+}
+
 /* render --gpu draws what render draws; what it cannot do it says before the work. */
 static void rtt_test_gpu_programs(void)
 {
@@ -10153,6 +10363,10 @@ static const rtt_test rtt_tests[] = {
     { "loaders.obj.textures", rtt_test_obj_textures },
     { "programs.imp", rtt_test_imp },
     { "programs.animate", rtt_test_animate },
+    { "programs.report", rtt_test_report },
+    { "refine.estimate", rtt_test_refine_estimate },
+    { "refine.bias", rtt_test_refine_bias },
+    { "refine.failure", rtt_test_refine_failure },
     { "shading.large-triangles", rtt_test_large_triangles },
     { "shading.math", rtt_test_shading_math },
     { "shading.camera", rtt_test_camera },
