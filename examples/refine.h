@@ -36,6 +36,7 @@ typedef struct {
     int round;
     int drawn[2];                           /* samples of the halves, uniform */
     double weight;                          /* of all rounds so far, adaptive */
+    double first;                           /* samples of a half in the first round */
     rt_vec3 *halves[2], *parts[2];          /* the second: of the round at hand */
     float *noise;                           /* a pixel's variance times samples^power, by the rounds so far */
     float *shares;                          /* of the samples, by the noise of a pixel and its neighbours */
@@ -135,7 +136,7 @@ static void refine_sum_up(refinement *r, double part)
     r->relative = part > 0 ? relative * part * (1 - part) / (3 * (double)pixels) : (double)NAN;
 }
 
-/* How samples are best shared out: a power of the noise, as means over squares of 5 x 5 pixels, or what of those lies in the picture, since one
+/* How samples are best shared out: a power of the noise, as means over squares of 7 x 7 pixels, or what of those lies in the picture, since one
    pixel's, the square of one number, tells little. */
 static void refine_weigh(refinement *r)
 {
@@ -147,8 +148,8 @@ static void refine_weigh(refinement *r)
             double sum = 0;
             int count = 0;
 
-            for (k = y > 2 ? y - 2 : 0; k <= y + 2 && k < height; k++)
-                for (i = x > 2 ? x - 2 : 0; i <= x + 2 && i < width; i++) {
+            for (k = y > 3 ? y - 3 : 0; k <= y + 3 && k < height; k++)
+                for (i = x > 3 ? x - 3 : 0; i <= x + 3 && i < width; i++) {
                     sum += (double)r->noise[(size_t)k * (size_t)width + (size_t)i];
                     count++;
                 }
@@ -177,10 +178,11 @@ static double refine_count(refinement *r, double scale, double least)
     return sum / (double)pixels;
 }
 
-/* Shares out samples a pixel. Each gets an eighth of that, or one, since there may be noise that has not been met yet. */
+/* Shares out samples a pixel. Each gets a quarter of that, and no fewer than at first: there may be noise that has not been met yet, or that both
+   halves happened to meet alike. */
 static double refine_share_out(refinement *r, double samples)
 {
-    const double least = fmax(floor(samples / 8), 1);
+    const double least = fmax(floor(samples / 4), r->first);
     double low = 0, high = samples, drawn;
     int step;
 
@@ -207,8 +209,8 @@ static rt_status refine_draw_half(refinement *r, int half, int first, int sample
     return r->draw(r->context, &how, r->parts[half]);
 }
 
-/* Draws until pixels have that many samples, on average; more than now. 1: one half alone, which makes no estimate. What fails leaves the
-   picture as it was. */
+/* Draws until pixels have that many samples, on average; more than now, adaptive by as many as there were at first. 1: one half alone, which
+   makes no estimate. What fails leaves the picture as it was. */
 REFINE_API rt_status refine_until(refinement *r, int samples)
 {
     const size_t pixels = (size_t)r->how.width * (size_t)r->how.height;
@@ -220,6 +222,7 @@ REFINE_API rt_status refine_until(refinement *r, int samples)
     wanted[1] = samples / 2;
     if (r->adaptive) {
         const double more = (samples - r->samples) / 2;
+        if (!r->round) r->first = ceil(more);
         added[0] = added[1] = r->round ? refine_share_out(r, more) : ceil(more);
         wanted[0] = wanted[1] = r->round ? r->how.spp : (int)ceil(more);
     }

@@ -659,19 +659,19 @@ static void print_row(const options *o, const progress *bar, const round_row *ro
 static int next_samples(const options *o, const refinement *r, refine_log *log)
 {
     const round_row *last = log->count ? &log->rows[log->count - 1] : NULL;
-    const double now = r->samples, start = o->adaptive ? 8 : 1, step = now < 2 ? 1 : 2;
+    const double now = r->samples, start = o->adaptive ? 8 : 1, step = o->adaptive ? 8 : now < 2 ? 1 : 2;
     double next = !last ? start : now * (o->adaptive ? 4 : 2);
 
     log->why = "--spp";
     if (last && o->error > 0 && last->error <= (double)o->error) return log->why = "--error", 0;
-    if (last && o->error > 0 && last->error > 0) next = fmin(next, ceil((now + 1.05 * (refine_needs(r, (double)o->error) - now)) / step) * step);
+    if (last && o->error > 0 && last->error > 0) next = fmin(next, now + ceil(1.05 * (refine_needs(r, (double)o->error) - now) / step) * step);
     if (next > o->spp) next = o->spp;
     if (last && o->seconds > 0) {
         const double before = log->count > 1 ? last[-1].seconds : 0, had = log->count > 1 ? last[-1].samples : 0;
         const double room = ((double)o->seconds - last->seconds) * 0.97 * (last->samples - had) / (last->seconds - before);
 
         if (now + step > now + room) return log->why = "--time", 0;
-        next = fmin(next, floor((now + room) / step) * step);
+        next = fmin(next, now + floor(room / step) * step);
     }
     if (next < now + step) next = now + step;
     return next > o->spp ? 0 : (int)next;
