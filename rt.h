@@ -415,9 +415,9 @@ RT_API rt_status rt_trace_arrays(const rt_accel *accel, const rt_trace_options *
    that of hit->inst, see rt_instance_transform_at; NULL where inst is RT_NONE. O(1); the same bits whatever the compiler.
      The point is that of u and v, not of t, which errs by more, and is moved along the normal by a bound on what rounding may do to the next
    ray: for a triangle 2e-6 of its size as seen from there, and for all the roundings of the coordinates: 2e-7 of those, some ten times as much
-   below a transform (after pbrt, 4th ed., 6.8). Within the triangle it is kept 8 such bounds away from the edges, or as far as its width allows:
-   so in a corner it does not lie behind a neighbour either, if they meet at 15 degrees or more. In a sharper wedge, or one of triangles thinner
-   than that, light may leak; so it may below transforms that move by much and back again. */
+   below a transform (after pbrt, 4th ed., 6.8). Within the triangle it is kept away from the edges by 8 times as much, or as far as its width
+   allows: so in a corner it does not lie behind a neighbour either, if they meet at 15 degrees or more. In a sharper wedge, or one of triangles
+   thinner than that, light may leak; so it may below transforms that move by much and back again. */
 RT_API rt_vec3 rt_spawn_origin(const rt_geometry *geo, const float transform[12], const rt_ray *ray, const rt_hit *hit, rt_vec3 dir);
 
 /* The instruction set that RT_ISA_AUTO picks here. */
@@ -5023,33 +5023,58 @@ static double rti_unit3(double a[3])
     return length;
 }
 
-/* Moves the point out of the margins of the triangle's edges, side[i] from vertex i + 1 to i + 2. */
+/* Moves the point to the nearest one that keeps off the triangle's edges, side[i] from vertex i + 1 to i + 2, by margin, or, where that is more, by
+   the radius of the circle within: those are a smaller triangle around the same centre. */
 static void rti_keep_inside(const float v[9], double side[3][3], const double normal[3], double margin, double point[3])
 {
+    double lengths[3], around = 0, center[3], at[3][3], best[3], least = HUGE_VAL, radius = HUGE_VAL;
+    bool inside = true;
     int i, k;
+    for (i = 0; i < 3; i++) around += lengths[i] = sqrt(rti_dot3(side[i], side[i]));
+    for (k = 0; k < 3; k++)
+        center[k] = (rti_round(lengths[0] * (double)v[k]) + rti_round(lengths[1] * (double)v[3 + k]) + rti_round(lengths[2] * (double)v[6 + k])) / around;
     for (i = 0; i < 3; i++) {
-        double inward[3], off[3], missing;
+        double inward[3], off[3], to[3];
         rti_cross3(normal, side[i], inward);
         (void)rti_unit3(inward);
-        for (k = 0; k < 3; k++) off[k] = point[k] - (double)v[3 * ((i + 1) % 3) + k];
-        missing = margin - rti_dot3(off, inward);
-        for (k = 0; k < 3 && missing > 0; k++) point[k] += rti_round(missing * inward[k]);
+        for (k = 0; k < 3; k++) {
+            off[k] = point[k] - (double)v[3 * ((i + 1) % 3) + k];
+            to[k] = center[k] - (double)v[3 * ((i + 1) % 3) + k];
+        }
+        inside = inside && rti_dot3(off, inward) >= margin;
+        radius = fmin(radius, rti_dot3(to, inward));
     }
+    if (inside) return;
+    for (i = 0; i < 3; i++)
+        for (k = 0; k < 3; k++) at[i][k] = (double)v[3 * i + k] + rti_round(fmin(margin / radius, 1) * (center[k] - (double)v[3 * i + k]));
+    for (i = 0; i < 3; i++) {               /* the nearest point of each of its edges */
+        const double *const from = at[(i + 1) % 3];
+        double along[3], off[3], found[3], part;
+        for (k = 0; k < 3; k++) along[k] = at[(i + 2) % 3][k] - from[k], off[k] = point[k] - from[k];
+        part = rti_dot3(off, along) / rti_dot3(along, along);
+        part = part > 0 ? fmin(part, 1) : 0;
+        for (k = 0; k < 3; k++) found[k] = from[k] + rti_round(part * along[k]), off[k] = found[k] - point[k];
+        part = rti_dot3(off, off);
+        if (part < least) least = part, memcpy(best, found, sizeof best);
+    }
+    memcpy(point, best, sizeof best);
 }
 
-/* What the coordinates may err by, along the normal: units are the primitive's, m its place in the world, or NULL, inverse what undoes m's 3x3. */
-static double rti_blur(const rti_anchor *s, const float m[12], const double inverse[9])
+/* What the coordinates of the origin, seen from the primitive, may err by: m is the place of that in the world, or NULL, inverse what undoes m's
+   3x3. Answers the most along the normal. */
+static double rti_blur(const rti_anchor *s, const float m[12], const double inverse[9], double blur[3])
 {
     double sum = 0;
     int i, j, k;
     for (k = 0; k < 3; k++) {
-        double size = 2 * fabs(s->point[k]);            /* of the origin, rounded: to half of its last place, with another to spare */
+        double size = 2 * fabs(s->point[k]);            /* rounded: to half of its last place, with another to spare */
         for (i = 0; i < 3 && m; i++) {
             double there = 2 * fabs((double)m[4 * i + 3]);
             for (j = 0; j < 3; j++) there += rti_round(fabs((double)m[4 * i + j]) * fabs(s->point[j]));
             size += 8 * rti_round(fabs(inverse[3 * k + i]) * there);        /* of the origin, and of matrices there and back */
         }
-        sum += rti_round(fabs(s->normal[k]) * (size * (1.0 / 16777216) + 1e-44));
+        blur[k] = size * (1.0 / 16777216) + 1e-44;
+        sum += rti_round(fabs(s->normal[k]) * blur[k]);
     }
     return sum;
 }
@@ -5088,7 +5113,7 @@ RT_API rt_vec3 rt_spawn_origin(const rt_geometry *geo, const float transform[12]
     const size_t triangles = geo->triangle_count;
     const double world_org[3] = { (double)ray->org.x, (double)ray->org.y, (double)ray->org.z };
     const double world_dirs[2][3] = { { (double)dir.x, (double)dir.y, (double)dir.z }, { (double)ray->dir.x, (double)ray->dir.y, (double)ray->dir.z } };
-    double inverse[9] = { 1, 0, 0, 0, 1, 0, 0, 0, 1 }, org[3], dirs[2][3], up;
+    double inverse[9] = { 1, 0, 0, 0, 1, 0, 0, 0, 1 }, org[3], dirs[2][3], blur[3], up;
     rti_anchor s;
     rt_vec3 out;
     int i, k;
@@ -5103,21 +5128,20 @@ RT_API rt_vec3 rt_spawn_origin(const rt_geometry *geo, const float transform[12]
         s.point[k] = org[k] + rti_round((double)hit->t * dirs[1][k]);
     }
     if (hit->prim < triangles) {
-        double side[3][3], reach = 0, around = 0, area;
+        double side[3][3], reach = 0;
         float v[9];
         (void)rti_fetch_triangle(geo, hit->prim, v);
         for (i = 0; i < 3; i++)
             for (k = 0; k < 3; k++) side[i][k] = (double)v[3 * ((i + 2) % 3) + k] - (double)v[3 * ((i + 1) % 3) + k];
         rti_cross3(side[0], side[1], s.normal);
-        area = rti_unit3(s.normal);
-        for (i = 0; i < 3; i++) around += sqrt(rti_dot3(side[i], side[i]));
+        (void)rti_unit3(s.normal);
         for (k = 0; k < 3; k++) {
             s.point[k] = (double)v[k] + rti_round((double)hit->u * side[2][k]) - rti_round((double)hit->v * side[1][k]);
             for (i = 0; i < 3; i++) reach = fmax(reach, fabs((double)v[3 * i + k] - s.point[k]));
         }
-        s.bound = 1.5 / 1048576 * reach;    /* 16 roundings of vertices, see rti_hit_triangle, across and up */
-        s.bound += rti_blur(&s, transform, inverse);
-        if (around > 0) rti_keep_inside(v, side, s.normal, fmin(8 * s.bound, area / around), s.point);
+        reach *= 1.5 / 1048576;             /* 16 roundings of vertices, see rti_hit_triangle, across and up */
+        s.bound = reach + rti_blur(&s, transform, inverse, blur);
+        rti_keep_inside(v, side, s.normal, 8 * reach + 4 * (blur[0] + blur[1] + blur[2]), s.point);
     }
 #if RTI_SPHERES
     else if (hit->prim - triangles < geo->sphere_count) {
@@ -5126,7 +5150,7 @@ RT_API rt_vec3 rt_spawn_origin(const rt_geometry *geo, const float transform[12]
         for (k = 0; k < 3; k++) s.normal[k] = s.point[k] - center[k];
         (void)rti_unit3(s.normal);
         rti_drop(s.point, center, s.normal, (double)ball->radius);
-        s.bound = 1e-12 * (double)ball->radius + rti_blur(&s, transform, inverse);
+        s.bound = 1e-12 * (double)ball->radius + rti_blur(&s, transform, inverse, blur);
     }
 #endif
 #if RTI_PLANES
@@ -5138,7 +5162,7 @@ RT_API rt_vec3 rt_spawn_origin(const rt_geometry *geo, const float transform[12]
         (void)rti_unit3(s.normal);
         rti_drop(s.point, point, s.normal, 0);
         for (k = 0; k < 3; k++) off[k] = s.point[k] - point[k];
-        s.bound = 1e-12 * sqrt(rti_dot3(off, off)) + rti_blur(&s, transform, inverse);
+        s.bound = 1e-12 * sqrt(rti_dot3(off, off)) + rti_blur(&s, transform, inverse, blur);
     }
 #endif
     up = rti_dot3(s.normal, dirs[0]);

@@ -9133,6 +9133,86 @@ static void rtt_test_animate(void)
     loader_clear();
 }
 
+/* ---- leaving a surface: the long forms are in accuracy.c */
+
+/* The origin lies within the stated bounds of the hit, on the side asked for; the next ray does not meet the surface, but what is near. */
+static void rtt_test_spawn(void)
+{
+    rtt_random random = rtt_stream();
+    size_t naive = 0, tested = 0;
+
+    for (int round = 0; round < 400; round++) {
+        struct { float pad, x, y, z; } near_one[6];     /* a triangle, and that one moved along its normal */
+        const uint32_t indices[6] = { 2, 0, 1, 3, 4, 5 };
+        const float size = fabsf(rtt_log(&random, -20, 20)), far = round % 2 ? 100 * size : size;
+        const rt_vec3 center = rtt_point(&random, rtt_v(0, 0, 0), far);
+        rt_geometry geo;
+        rt_accel *accel, *alone;
+        rt_vec3 v[3], n;
+        double side[2][3], normal[3];
+        float bound;
+
+        memset(near_one, 0, sizeof near_one);
+        memset(&geo, 0, sizeof geo);
+        for (int i = 0; i < 3; i++)
+            v[i] = rtt_point(&random, center, size);
+        for (int k = 0; k < 3; k++)
+            for (int i = 0; i < 2; i++)
+                side[i][k] = (double)(&v[i + 1].x)[k] - (double)(&v[0].x)[k];
+        rti_cross3(side[0], side[1], normal);
+        if (!(rti_unit3(normal) > 0))
+            continue;
+        n = rtt_v((float)normal[0], (float)normal[1], (float)normal[2]);
+        bound = 2e-6f * 2 * size + 4e-7f * (rti_largest(center) + size);
+        for (int i = 0; i < 6; i++) {
+            const rt_vec3 p = i < 3 ? v[i] : rti_add(v[i - 3], rti_scale(n, 4 * bound));
+            near_one[i].x = p.x, near_one[i].y = p.y, near_one[i].z = p.z;
+        }
+        geo.vertices = &near_one[0].x, geo.vertex_stride = sizeof near_one[0], geo.vertex_count = 6;
+        geo.indices = indices, geo.triangle_count = 1;
+        CHECK_STATUS(rt_build(&alone, &geo, NULL), RT_OK);
+        geo.triangle_count = 2;
+        CHECK_STATUS(rt_build(&accel, &geo, NULL), RT_OK);
+        for (int i = 0; i < 40; i++) {
+            const float a = 0.2f + 0.2f * rtt_signed(&random), b = 0.2f + 0.2f * rtt_signed(&random);
+            const rt_vec3 at = rti_add(v[2], rti_add(rti_scale(rti_sub(v[0], v[2]), a), rti_scale(rti_sub(v[1], v[2]), b)));
+            rt_ray ray, next;
+            rt_hit hit, again;
+            rt_vec3 origin;
+            double off[3];
+
+            memset(&ray, 0, sizeof ray);
+            ray.org = rti_sub(rtt_point(&random, center, size), rti_scale(n, 5 * size));
+            ray.dir = rti_sub(at, ray.org), ray.tmax = INFINITY;
+            if (!rt_intersect(alone, &ray, &hit))
+                continue;
+            next = ray;
+            next.dir = rtt_point(&random, rtt_v(0, 0, 0), 1);
+            if (rti_dot(next.dir, n) < 0)
+                next.dir = rti_scale(next.dir, -1);
+            if (!(rti_dot(next.dir, n) > 0.2f))
+                continue;
+            origin = rt_spawn_origin(&geo, NULL, &ray, &hit, next.dir);
+            for (int k = 0; k < 3; k++)
+                off[k] = (double)(&origin.x)[k] - (double)(&v[2].x)[k];
+            CHECK(rti_dot3(off, normal) > 0 && rti_dot3(off, normal) < (double)bound);
+            next.org = origin;
+            CHECK(!rt_intersect(alone, &next, &again));
+            if (a > 0.05f && b > 0.05f && a + b < 0.95f)
+                CHECK(rt_intersect(accel, &next, &again) && again.prim == 1);
+            next.dir = rti_scale(next.dir, -1);
+            next.org = rt_spawn_origin(&geo, NULL, &ray, &hit, next.dir);
+            CHECK(!rt_intersect(alone, &next, &again));
+            next.org = rti_add(ray.org, rti_scale(ray.dir, hit.t));
+            naive += rt_intersect(alone, &next, &again);
+            tested++;
+        }
+        rt_free(accel);
+        rt_free(alone);
+    }
+    CHECK(tested > 5000 && naive > tested / 10);            /* what it is good for */
+}
+
 /* ---- pictures that refine */
 
 enum { RTT_REFINE_SIDE = 24 };
@@ -10365,6 +10445,7 @@ static const rtt_test rtt_tests[] = {
     { "programs.imp", rtt_test_imp },
     { "programs.animate", rtt_test_animate },
     { "programs.report", rtt_test_report },
+    { "spawn", rtt_test_spawn },
     { "refine.estimate", rtt_test_refine_estimate },
     { "refine.bias", rtt_test_refine_bias },
     { "refine.failure", rtt_test_refine_failure },
