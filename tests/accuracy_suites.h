@@ -121,7 +121,7 @@ static void rule_list(const suite *s, uint32_t inst, const rt_ray *ray, ruler *r
     v = view_in(s, inst, ray);
     v.l.tmin = -HUGE_VAL, v.l.tmax = HUGE_VAL;
     if (!rti_prepare_1(accel, &p, rti_take_rays_1(accel, &rti_plain_jobs[RT_CLOSEST], &whole, 0, 1, &p), false)) return;
-    n = gather(v.tree, &v.l, pad_of(v.tree, &v.l, 0x1p-19), r->prims, MOST);
+    n = gather(v.tree, &v.l, r->prims, MOST);
     for (i = 0; i < n; i++) {
         const uint32_t prim = r->prims[i];
         const model *m = v.tree->m;
@@ -809,7 +809,8 @@ typedef enum { AT_RANDOM, AT_EDGES, AT_VERTICES, ON_GRID, GRAZING, ODD, LENGTHS,
 static const char *const aim_names[AIMS] = { "at random", "at edges", "at vertices", "along axes", "grazing", "with odd components", "of all lengths",
                                              "with bounds at hits", "stepping from hit to hit", "in planes", "from surfaces", "some bad" };
 
-/* Rays follow each other in packets of 256 that start at one point and go to neighbours; every eighth thousand is without order. */
+/* Rays follow each other in packets of 256 that start at one point and go to neighbours; every eighth thousand is without order. Where there
+   are few, packets of 16 and every eighth 64. */
 enum { BUNDLE = 256, BLOCK = 1024 };
 
 /* What the rays of a bundle have in common. */
@@ -1131,6 +1132,7 @@ static void make_ray(const bundle *b, aim how, rt_ray *ray, ruler *r)
 /* s->count rays. Stepping: each goes on behind the hit of the one before, until there is none. */
 static void make_rays(suite *s, aim how)
 {
+    const bool few = s->count < 16 * BLOCK;
     ruler *r = need(1, sizeof *r);
     faults none;
     bundle b;
@@ -1139,10 +1141,10 @@ static void make_rays(suite *s, aim how)
 
     r->found = &none;
     for (i = 0; i < s->count; i++) {
-        const bool order = i / BLOCK % 8 != 7;
+        const bool order = i / (few ? BLOCK / 16 : BLOCK) % 8 != 7;
 
-        if (!order || i % BUNDLE == 0) start_bundle(s, order, &b);
-        if (how == STEPS && i % 64 && rt_intersect(s->accels[RT_BVH], &s->rays[i - 1], &hit)) {
+        if (!order || i % (few ? BUNDLE / 16 : BUNDLE) == 0) start_bundle(s, order, &b);
+        if (how == STEPS && i % 16 && rt_intersect(s->accels[RT_BVH], &s->rays[i - 1], &hit)) {
             s->rays[i] = s->rays[i - 1];
             s->rays[i].tmin = hit.t;
         } else make_ray(&b, how, &s->rays[i], r);

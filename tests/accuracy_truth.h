@@ -441,17 +441,18 @@ static bool meets(const box *b, const line *l, double pad, double from, double t
     return from <= to + 1e-12 * fabs(to) + 1e-300;
 }
 
-static double pad_of(const truth_tree *tree, const line *l, double part)
+/* More than doubles lose where a box is tested. */
+static double pad_of(const truth_tree *tree, const line *l)
 {
-    return part * (tree->far + fmax(fabs(l->org[0]), fmax(fabs(l->org[1]), fabs(l->org[2]))));
+    return 1e-12 * (tree->far + fmax(fabs(l->org[0]), fmax(fabs(l->org[1]), fabs(l->org[2]))));
 }
 
-/* Of triangles, spheres and planes: the nearest. Doubles lose less than 1e-14 of what a box is tested by. */
+/* Of triangles, spheres and planes: the nearest. */
 static truth truth_find(const truth_tree *tree, const line *l)
 {
     uint32_t stack[128], top = 0, i;
     truth best = { false, RT_NONE, RT_NONE, 0, 0, 0 };
-    const double pad = pad_of(tree, l, 1e-12);
+    const double pad = pad_of(tree, l);
 
     for (i = 0; i < tree->m->plane_count; i++) truth_plane(tree->m, (uint32_t)first_plane(tree->m) + i, l, &best);
     if (tree->box_count) stack[top++] = 0;
@@ -465,13 +466,18 @@ static truth truth_find(const truth_tree *tree, const line *l)
     return best;
 }
 
-/* All triangles and spheres that the line may meet anywhere, or come within pad of; how many, of at most max. */
-static size_t gather(const truth_tree *tree, const line *l, double pad, uint32_t *prims, size_t max)
+/* All triangles and spheres that the line may meet anywhere, or as rounding may move it aside (see drift); how many, of at most max. */
+static size_t gather(const truth_tree *tree, const line *l, uint32_t *prims, size_t max)
 {
     uint32_t stack[128], top = 0, i;
     size_t count = 0;
+    double pad = 0;
+    int k;
 
-    if (tree->box_count) stack[top++] = 0;
+    if (!tree->box_count) return 0;
+    for (k = 0; k < 3; k++) pad = fmax(pad, fmax(fabs(tree->boxes[0].low[k] - l->org[k]), fabs(tree->boxes[0].high[k] - l->org[k])));
+    pad = 0x1p-20 * pad + pad_of(tree, l);
+    stack[top++] = 0;
     while (top) {
         const box *b = &tree->boxes[stack[--top]];
 
