@@ -319,6 +319,8 @@ static void truth_triangle(const model *m, uint32_t triangle, const line *l, tru
     height = volume(p[0], p[1], p[2], &slack[3]);
     sum = edges[0] + edges[1] + edges[2];
     sure = sure && slack[0] + slack[1] + slack[2] < 1e-11 * fabs(sum) && slack[3] < 1e-11 * fabs(height);
+    if (best->hit && slack[0] + slack[1] + slack[2] < 1e-8 * fabs(sum) && slack[3] < 1e-8 * fabs(height) &&
+        height / sum > best->t + 1e-7 * fabs(best->t)) return;             /* behind, whatever the bits */
     if (l->rough) {
         if ((edges[0] > 0 || edges[1] > 0 || edges[2] > 0) && (edges[0] < 0 || edges[1] < 0 || edges[2] < 0)) return;
         if (sum == 0) return;
@@ -447,6 +449,17 @@ static double pad_of(const truth_tree *tree, const line *l)
     return 1e-12 * (tree->far + fmax(fabs(l->org[0]), fmax(fabs(l->org[1]), fabs(l->org[2]))));
 }
 
+/* Which of a box's children comes first along dir. */
+static uint32_t nearer(const truth_tree *tree, const box *b, const double dir[3])
+{
+    const box *one = &tree->boxes[b->child], *other = one + 1;
+    double way = 0;
+    int k;
+
+    for (k = 0; k < 3; k++) way += dir[k] * (one->low[k] + one->high[k] - other->low[k] - other->high[k]);
+    return b->child + (way > 0);
+}
+
 /* Of triangles, spheres and planes: the nearest. */
 static truth truth_find(const truth_tree *tree, const line *l)
 {
@@ -461,7 +474,11 @@ static truth truth_find(const truth_tree *tree, const line *l)
 
         if (!meets(b, l, pad, l->tmin, best.hit ? best.t : l->tmax)) continue;
         for (i = 0; i < b->count; i++) truth_of(tree->m, tree->order[b->first + i], l, &best);
-        if (!b->count) stack[top++] = b->child, stack[top++] = b->child + 1;
+        if (!b->count) {
+            const uint32_t near = nearer(tree, b, l->dir);
+
+            stack[top++] = 2 * b->child + 1 - near, stack[top++] = near;
+        }
     }
     return best;
 }
@@ -537,13 +554,12 @@ static void across_line(const line *l, double out[2][3])
     }
 }
 
-/* How far from the primitive's rim a line passes, seen along it, within or beside it. */
-static double rim(const model *m, uint32_t prim, const line *l, bool *inside)
+/* How far from the primitive's rim a line passes, seen along it, within or beside it. across: see across_line. */
+static double rim(const model *m, uint32_t prim, const line *l, double across[2][3], bool *inside)
 {
-    double across[2][3], p[3][2], least = HUGE_VAL, area = 0;
+    double p[3][2], least = HUGE_VAL, area = 0;
     int i, j, k, positive = 0, negative = 0;
 
-    across_line(l, across);
     if (prim >= m->triangle_count + m->sphere_count) {      /* of discs, in their plane, which is no less; planes have none */
         const rt_plane *plane = plane_of(m, prim);
         const double n[3] = { (double)plane->normal.x, (double)plane->normal.y, (double)plane->normal.z };
@@ -576,10 +592,10 @@ static double rim(const model *m, uint32_t prim, const line *l, bool *inside)
 
         positive += turn > 0, negative += turn < 0, area += turn;
         part = fmin(fmax(part, 0), 1);
-        least = fmin(least, hypot(a[0] + part * side[0], a[1] + part * side[1]));
+        least = fmin(least, (a[0] + part * side[0]) * (a[0] + part * side[0]) + (a[1] + part * side[1]) * (a[1] + part * side[1]));
     }
-    *inside = !(positive && negative) && fabs(area) >= least * least;       /* which has room for a circle so large: not seen edge-on */
-    return least;
+    *inside = !(positive && negative) && fabs(area) >= least;       /* which has room for a circle so large: not seen edge-on */
+    return sqrt(least);
 }
 
 /* Is t one that a point of the primitive can have? A triangle's is a mean of its vertices', each good to a few roundings of floats. */
@@ -613,7 +629,8 @@ static bool excused(const view *found, const rt_hit *hit, const view *true_one, 
     if (hit->prim != RT_NONE) {
         const model *m = found->tree->m;
 
-        away = rim(m, hit->prim, &found->l, &inside);
+        across_line(&found->l, across);
+        away = rim(m, hit->prim, &found->l, across, &inside);
         if ((!inside && away > drift(m, hit->prim, &found->l)) || !within(m, hit->prim, &found->l, (double)hit->t)) return false;
         if (!t->hit || (double)hit->t <= t->t + 1e-5 * fabs(t->t)) return true;
     }
