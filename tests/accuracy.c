@@ -71,7 +71,8 @@ typedef struct way {
     kind kind;
     rt_structure structure;                 /* of ours */
     rt_trace_options options;
-    bool usual;                             /* the first of all, and each algorithm's default width, without culling, on the best instruction set */
+    bool usual;                             /* the first of all, and each algorithm's default width, without culling, on the best
+                                               instruction set */
     void (*trace)(const suite *s, const struct way *w, const rt_ray *rays, size_t count, rt_hit *hits);
 } way;
 
@@ -128,7 +129,8 @@ static int usual_width(const rt_algorithm_info *info, const int *widths, size_t 
 static void add_algorithm(const suite *s, const rt_algorithm_info *info, bool device)
 {
     int widths[16], structure, cull, isa;
-    const size_t count = device ? rt_gpu_widths(info->algorithm, widths, COUNT(widths)) : rt_packet_widths(info->algorithm, widths, COUNT(widths));
+    const size_t count = device ? rt_gpu_widths(info->algorithm, widths, COUNT(widths))
+                                : rt_packet_widths(info->algorithm, widths, COUNT(widths));
     size_t i;
 
     for (structure = 0; structure < RT_STRUCTURE_COUNT; structure++)
@@ -150,7 +152,8 @@ static void add_algorithm(const suite *s, const rt_algorithm_info *info, bool de
                     w->options = o;
                     w->usual = way_count == 1 || (widths[i] == usual_width(info, widths, count) && !cull && !isa);
                     snprintf(w->name, sizeof w->name, "%s%s:%d%s%s%s%s%s%s", device ? "device " : "", info->name, widths[i],
-                             info->structure == RT_STRUCTURE_COUNT ? " " : "", info->structure == RT_STRUCTURE_COUNT ? structure_names[structure] : "",
+                             info->structure == RT_STRUCTURE_COUNT ? " " : "",
+                             info->structure == RT_STRUCTURE_COUNT ? structure_names[structure] : "",
                              cull ? " " : "", cull ? cull_names[cull] : "", isa ? " " : "", isa ? isa_names[isa] : "");
                 }
 }
@@ -420,8 +423,10 @@ static double nanoseconds(const suite *s, const way *w, rt_hit *hits)
 /* What came of a way on a suite at a place. */
 typedef struct { char suite[96]; const way *w; score s; bool same; double ns; } row;
 
-/* A suite over its places: how many ways of ours found other bits, and what the first of them, to which all are alike, and the peers make. */
-typedef struct { char suite[96]; size_t places, ways, differ; bool good; score ours; double ns_least, ns_most; } total;
+/* A suite over its places: how many ways of ours found other bits; what the first of them, to which all are alike, and the peers make, in the
+   order of ways, where they have traced; and how much longer than good rays bad ones took, where that was measured. */
+enum { PEERS = 3 };
+typedef struct { char suite[96]; size_t places, ways, differ; bool good; score ours, peers[PEERS]; double ns_least, ns_most, bad; } total;
 
 static row *rows;
 static total *totals;
@@ -489,7 +494,8 @@ static void print_score(const char *name, const score *r, double ns)
 
 static void write_errors(FILE *csv, const losses *e, size_t n)
 {
-    fprintf(csv, ",%.4g,%.4g,%.4g,%.4g,%.4g,%.4g", e->ulp_most, mean(e->ulp_sum, n), e->part_most, mean(e->part_sum, e->parts), e->most, mean(e->sum, n));
+    fprintf(csv, ",%.4g,%.4g,%.4g,%.4g,%.4g,%.4g", e->ulp_most, mean(e->ulp_sum, n), e->part_most, mean(e->part_sum, e->parts), e->most,
+            mean(e->sum, n));
 }
 
 /* Through a file beside it, so that there is all of it or none. */
@@ -507,8 +513,8 @@ static bool write_rows(const char *path)
     for (i = 0; i < row_count; i++) {
         const score *r = &rows[i].s;
 
-        fprintf(csv, "%s,%s,%zu,%zu,%zu,%zu,%zu,%zu,%zu,%zu", rows[i].suite, rows[i].w->name, r->rays, r->hits, r->missed, r->false_hits, r->wrong,
-                r->excused, r->lost, r->compared);
+        fprintf(csv, "%s,%s,%zu,%zu,%zu,%zu,%zu,%zu,%zu,%zu", rows[i].suite, rows[i].w->name, r->rays, r->hits, r->missed, r->false_hits,
+                r->wrong, r->excused, r->lost, r->compared);
         write_errors(csv, &r->t, r->compared);
         write_errors(csv, &r->uv, 2 * r->compared);
         fprintf(csv, ",%d,%.2f\n", rows[i].same, rows[i].ns);
@@ -597,7 +603,7 @@ static void run_suite(suite *s, aim how, pool *threads, bool timed, total *sum)
     const bool peers = !s->by_rule && how != BAD && is_mesh(m);
     rt_hit *first = need(s->count, sizeof *first), *hits = need(s->count, sizeof *hits);
     score ours, part, other;
-    size_t i, differ = 0, same = 0, parted = 0;     /* part: of the first parted rays */
+    size_t i, differ = 0, same = 0, parted = 0, peer = 0;     /* part: of the first parted rays */
     double fastest = HUGE_VAL, slowest = 0, ns, start;
 
     start = seconds_now();
@@ -627,6 +633,7 @@ static void run_suite(suite *s, aim how, pool *threads, bool timed, total *sum)
         }
         judge_seconds += seconds_now() - start;
         start = seconds_now();
+        if (w->kind == PEER) add_score(&sum->peers[peer++], &other);
         sum->ways += w->kind != PEER && !sum->places;
         if (!i) ours = other;
         ns = 0;
@@ -634,8 +641,8 @@ static void run_suite(suite *s, aim how, pool *threads, bool timed, total *sum)
             if (timed) ns = nanoseconds(s, w, to == first ? hits : to);
             if (!i) {
                 printf("\n%s: %zu primitives, %zu rays, %zu hit\n  %-28s %8s %8s %8s %8s %10s %8s %10s %8s\n", s->name,
-                       first_plane(m) + m->plane_count, s->count, ours.hits, "", "missed", "false", "wrong", "excused", "t: ulp, at", "mean", "u, v: at",
-                       timed ? "ns" : "");
+                       first_plane(m) + m->plane_count, s->count, ours.hits, "", "missed", "false", "wrong", "excused", "t: ulp, at", "mean",
+                       "u, v: at", timed ? "ns" : "");
                 printf("  %-28s %8s %8s %8s %8s %10s %8s %10s\n", "", "", "", "", "", "most", "", "most");
             } else differ += w->kind != PEER;
             print_score(w->name, &other, ns);
@@ -653,12 +660,11 @@ static void run_suite(suite *s, aim how, pool *threads, bool timed, total *sum)
     printf("  %zu more ways: the same bits", same);
     if (timed && same) printf(", %.1f to %.1f ns a ray", fastest, slowest);
     printf("%s\n", differ ? "; OTHERS DIFFER" : "");
-    if (s->m.closed && ours.faults.clean) printf("  %zu lines pass no edge and leave as often as they enter\n", ours.faults.clean - ours.faults.unpaired);
+    if (s->m.closed && ours.faults.clean)
+        printf("  %zu lines pass no edge and leave as often as they enter\n", ours.faults.clean - ours.faults.unpaired);
     if (timed && how == BAD) {
-        double worst = 0;
-
-        sum->good &= check_bad_times(s, hits, &worst);
-        printf("  bad rays take at most %.2f times as long as good ones\n", worst);
+        sum->good &= check_bad_times(s, hits, &sum->bad);
+        printf("  bad rays take at most %.2f times as long as good ones\n", sum->bad);
     }
     add_score(&sum->ours, &ours);
     sum->differ += differ;
@@ -764,7 +770,8 @@ static void print_times(void)
 {
     size_t i, j;
 
-    printf("\nseconds: trees %.1f, rays %.1f, truth %.1f, judging %.1f, timing %.1f\n", build_seconds, ray_seconds, truth_seconds, judge_seconds, ns_seconds);
+    printf("\nseconds: trees %.1f, rays %.1f, truth %.1f, judging %.1f, timing %.1f, and tracing:\n", build_seconds, ray_seconds, truth_seconds,
+           judge_seconds, ns_seconds);
     for (i = 0; i < 20 && i < way_count; i++) {
         size_t most = 0;
 
@@ -772,6 +779,23 @@ static void print_times(void)
             if (way_seconds[j] > way_seconds[most]) most = j;
         printf("  %-36s %8.2f\n", ways[most].name, way_seconds[most]);
         way_seconds[most] = -1;
+    }
+}
+
+/* Over all suites, or those that peers have traced. */
+static void print_sums(void)
+{
+    size_t i, j, peer = 0;
+
+    printf("\n  %-28s %11s %8s %8s %8s %9s\n", "in all", "rays", "missed", "false", "wrong", "excused");
+    for (i = 0; i < way_count; i++) {
+        score all;
+
+        if (i && ways[i].kind != PEER) continue;
+        memset(&all, 0, sizeof all);
+        for (j = 0; j < total_count; j++) add_score(&all, i ? &totals[j].peers[peer] : &totals[j].ours);
+        peer += i != 0;
+        printf("  %-28s %11zu %8zu %8zu %8zu %9zu\n", ways[i].name, all.rays, all.missed, all.false_hits, all.wrong, all.excused);
     }
 }
 
@@ -867,10 +891,23 @@ static bool run_all(const options *o, pool *threads)
         bad += !totals[i].good;
         if (!totals[i].good) printf("\nFAILED: %s", totals[i].suite);
     }
+    if (!total_count) return complain("no suite is called so");
     if (!o->quick) print_times();
+    print_sums();
     printf("\n%zu suites, %zu rays\n%zu passed, %zu failed, 0 skipped\n", total_count, rays, total_count - bad, bad);
     return bad == 0;
 }
+
+static const char usage[] =
+    "usage: accuracy [--quick] [--gpu] [--rays N] [--only TEXT] [-o FILE.csv]\n\n"
+    "Compares the hits of every structure, algorithm, packet width, culling and instruction set with the truth, found in exact arithmetic.\n"
+    "  --quick      small models, 1024 rays a suite, no times\n"
+    "  --gpu        the OpenCL device too\n"
+    "  --rays N     a suite, over its places (default 1000000)\n"
+    "  --only TEXT  suites with that in their name\n"
+    "  -o FILE      a row for each way, suite and place\n\n"
+    "All rays are traced by each algorithm in its default width; a sixteenth of them by other widths, cullings, instruction sets and by the\n"
+    "device: the rays of a row tell. Seven eighths come in packets that suit large ones, the others without order.\n";
 
 int main(int argc, char **argv)
 {
@@ -886,12 +923,7 @@ int main(int argc, char **argv)
         else if (strcmp(argv[i], "--only") == 0 && i + 1 < argc) o.only = argv[++i];
         else if (strcmp(argv[i], "-o") == 0 && i + 1 < argc) o.output = argv[++i];
         else {
-            printf("usage: accuracy [--quick] [--gpu] [--rays N] [--only TEXT] [-o FILE.csv]\n\nCompares the hits of every structure, algorithm, packet "
-                   "width, culling and instruction set with the truth, found in exact arithmetic.\n  --quick      small models, 1024 rays a suite, no times\n"
-                   "  --gpu        the OpenCL device too\n  --rays N     a suite, over its places (default 1000000)\n"
-                   "  --only TEXT  suites with that in their name\n  -o FILE      a row for each way, suite and place\n\n"
-                   "All rays are traced by each algorithm in its default width; a sixteenth of them by other widths, cullings,\n"
-                   "instruction sets and by the device. Seven eighths come as packets that suit large ones, the others without order.\n");
+            fputs(usage, stdout);
             return strcmp(argv[i], "--help") == 0 ? EXIT_SUCCESS : EXIT_FAILURE;
         }
     }

@@ -1,4 +1,4 @@
-/* accuracy_suites.h - of accuracy.c: the models, the rays, and the table of what is traced with what.      SPDX-License-Identifier: MIT OR Unlicense
+/* accuracy_suites.h - of accuracy.c: the models, the rays, and the table of what is traced with what. SPDX-License-Identifier: MIT OR Unlicense
 
    >>suite  >>rule  >>models  >>rays  >>table */
 
@@ -220,8 +220,8 @@ static bool is_astray(const suite *s, const rt_ray *ray, const rt_hit *hit)
 
     if (hit->prim >= s->m.child->triangle_count) return false;
     for (k = 0; k < 3; k++)
-        at[k] = (1 - (double)hit->u - (double)hit->v) * corner(s->m.child, hit->prim, 0, k) + (double)hit->u * corner(s->m.child, hit->prim, 1, k) +
-                (double)hit->v * corner(s->m.child, hit->prim, 2, k);
+        at[k] = (1 - (double)hit->u - (double)hit->v) * corner(s->m.child, hit->prim, 0, k) +
+                (double)hit->u * corner(s->m.child, hit->prim, 1, k) + (double)hit->v * corner(s->m.child, hit->prim, 2, k);
     for (k = 0; k < 3; k++) {
         off[k] = (double)m[4 * k] * at[0] + (double)m[4 * k + 1] * at[1] + (double)m[4 * k + 2] * at[2] + (double)m[4 * k + 3] - v.l.org[k];
         reach = fmax(reach, fabs(v.l.org[k]));
@@ -809,15 +809,25 @@ static void make_planes(model *m, bool quick)
 /* ---- >>rays --------------------------------------------------------------------------------------------------------- */
 
 typedef enum { AT_RANDOM, AT_EDGES, AT_VERTICES, ON_GRID, GRAZING, ODD, LENGTHS, BOUNDS, STEPS, IN_PLANES, ON_SURFACES, BAD, AIMS } aim;
-static const char *const aim_names[AIMS] = { "at random", "at edges", "at vertices", "along axes", "grazing", "with odd components", "of all lengths",
-                                             "with bounds at hits", "stepping from hit to hit", "in planes", "from surfaces", "some bad" };
+static const char *const aim_names[AIMS] = {
+    "at random", "at edges", "at vertices", "along axes", "grazing", "with odd components", "of all lengths", "with bounds at hits",
+    "stepping from hit to hit", "in planes", "from surfaces", "some bad",
+};
 
 /* Rays follow each other in packets of 256 that start at one point and go to neighbours; every eighth thousand is without order. Where there
    are few, packets of 16 and every eighth 64. */
 enum { BUNDLE = 256, BLOCK = 1024 };
 
 /* What the rays of a bundle have in common. */
-typedef struct { const suite *s; const model *m; const truth_tree *tree; const float *transform; bool order; size_t start; double from[3], at[3]; } bundle;
+typedef struct {
+    const suite *s;
+    const model *m;                         /* whose primitives are aimed at: s->m, or the child of an instance, with its transform */
+    const truth_tree *tree;
+    const float *transform;
+    bool order;
+    size_t start;                           /* the first primitive, in the tree's order */
+    double from[3], at[3];                  /* where they start; around what those at random go */
+} bundle;
 
 static void to_world(const bundle *b, double at[3])
 {
@@ -850,7 +860,8 @@ static void aim_at(const bundle *b, aim how, const double org[3], double at[3])
     int k;
 
     if (prim >= b->m->triangle_count) {
-        const double radius = sphere_radius(b->m, prim) * (how == AT_EDGES ? 1 + (unit() - 0.5) * power_of_ten(-16, -6) : how == AT_VERTICES ? 0 : unit());
+        const double part = how == AT_EDGES ? 1 + (unit() - 0.5) * power_of_ten(-16, -6) : how == AT_VERTICES ? 0 : unit();
+        const double radius = part * sphere_radius(b->m, prim);
         line l;
         double across[2][3], turn = 6.283185307179586 * unit();
 
@@ -952,7 +963,8 @@ static void plain_ray(const bundle *b, aim how, rt_ray *ray)
 /* Within 1e-7 of a triangle's or plane's plane, through a point of it, or by it. */
 static void grazing_ray(const bundle *b, rt_ray *ray)
 {
-    const uint32_t prim = b->m->plane_count && unit() < 0.7 ? (uint32_t)first_plane(b->m) + (uint32_t)(unit() * (double)b->m->plane_count) : choose(b);
+    const bool ground = b->m->plane_count && unit() < 0.7;
+    const uint32_t prim = ground ? (uint32_t)first_plane(b->m) + (uint32_t)(unit() * (double)b->m->plane_count) : choose(b);
     double at[3], n[3], along[3], org[3], length, tilt = 2e-7 * (unit() - 0.5), back = power_of_ten(-3, 1);
     int i, k;
 

@@ -9,9 +9,9 @@
 /* A sum of doubles that do not overlap, by rising size (Shewchuk 1997); of none: 0. No bit is lost: coordinates are multiples of 2^-149 below
    2^60, directions below 2^100. So a volume, a product of two differences of coordinates and a direction or another difference, is a multiple
    of 2^-447 below 2^228: 675 bits at most, of which a double that does not overlap the next holds one or more; in fact each holds some 53, and
-   so do all sums on the way. Products of two doubles end above 2^-1022, so that fma gives what they are rounded by, exactly. Discriminants, of four factors, and
-   the squares of discs, of six, have 922 and some more bits where all is at its extremes; of the suites' they have far less, and what does
-   not fit in TERMS ends the program. */
+   so do all sums on the way. Products of two doubles end above 2^-1022, so that fma gives what they are rounded by, exactly. Discriminants, of
+   four factors, and the squares of discs, of six, have 922 and some more bits where all is at its extremes; of the suites' they have far
+   less, and what does not fit in TERMS ends the program. */
 enum { TERMS = 256 };
 typedef struct { int count; double x[TERMS]; } exact;
 
@@ -644,8 +644,8 @@ static bool excused(const view *found, const rt_hit *hit, const view *true_one, 
         for (k = 0; k < 3; k++) aside.org[k] += part * (cos(turn) * across[0][k] + sin(turn) * across[1][k]);
         other = truth_find(true_one->tree, &aside);
         if (!other.hit) return true;
-        if (hit->prim != RT_NONE && ((other.prim == hit->prim && t->inst == hit->inst) || other.t >= (double)hit->t - 1e-5 * fabs((double)hit->t)))
-            return true;
+        if (hit->prim == RT_NONE) continue;
+        if ((other.prim == hit->prim && t->inst == hit->inst) || other.t >= (double)hit->t - 1e-5 * fabs((double)hit->t)) return true;
     }
     return false;
 }
