@@ -543,9 +543,15 @@ static bool can_write(const char *path)
     return true;
 }
 
+#include "accuracy_images.h"
+#include "accuracy_leave.h"
+#include "accuracy_report.h"
+
 /* ---- >>main --------------------------------------------------------------------------------------------------------- */
 
-typedef struct { size_t rays; bool quick, gpu; const char *output, *only; } options;
+typedef struct { size_t rays; bool quick, gpu; const char *output, *only, *report; } options;
+
+static size_t passed, failed;
 
 static double way_seconds[MAX_WAYS], truth_seconds, judge_seconds, ns_seconds, ray_seconds, build_seconds;
 
@@ -864,19 +870,12 @@ static bool run_entry(const options *o, size_t entry, rt_gpu *gpu, void *embree,
     return true;
 }
 
-static bool run_all(const options *o, pool *threads)
+static bool run_all(const options *o, pool *threads, rt_gpu *gpu)
 {
-    rt_gpu_options open;
-    rt_gpu *gpu = NULL;
-    rt_error error;
     size_t i, bad = 0, rays = 0;
     bool made = true;
     void *embree = NULL;
 
-    memset(&open, 0, sizeof open);
-    open.general = true;
-    open.error = &error;
-    if (o->gpu && rt_gpu_open(&gpu, &open) != RT_OK) return complain("--gpu: %s", error.message);
 #ifdef RT_BENCH_EMBREE
     embree = rtcNewDevice("threads=1");
 #endif
@@ -884,7 +883,6 @@ static bool run_all(const options *o, pool *threads)
 #ifdef RT_BENCH_EMBREE
     rtcReleaseDevice((RTCDevice)embree);
 #endif
-    rt_gpu_close(gpu);
     if (!made) return false;
     for (i = 0; i < total_count; i++) {
         rays += totals[i].ours.rays;
@@ -894,47 +892,140 @@ static bool run_all(const options *o, pool *threads)
     if (!total_count) return complain("no suite is called so");
     if (!o->quick) print_times();
     print_sums();
-    printf("\n%zu suites, %zu rays\n%zu passed, %zu failed, 0 skipped\n", total_count, rays, total_count - bad, bad);
-    return bad == 0;
+    printf("\n%zu suites, %zu rays\n", total_count, rays);
+    passed += total_count - bad, failed += bad;
+    return true;
+}
+
+static void expect(bool good, const char *what)
+{
+    if (good) passed++;
+    else failed++, printf("FAILED: %s\n", what);
+}
+
+/* Rays that go on from hits: ours must do no wrong, and the others some, or it is not measured. */
+static void run_leaving(const options *o, pool *threads, report *r)
+{
+    static leave_result results[32];
+    size_t i;
+
+    r->leaving = results;
+    r->leaving_count = measure_leaving(threads, o->quick, results, COUNT(results));
+    printf("\n%-110s %9s %8s\n", "rays that leave a surface", "rays", "wrong");
+    for (i = 0; i < r->leaving_count; i++) {
+        printf("%-110s %9llu %8llu\n", results[i].name, (unsigned long long)results[i].rays, (unsigned long long)results[i].wrong);
+        expect(results[i].ours ? !results[i].wrong : results[i].wrong > 0, results[i].name);
+    }
+}
+
+/* Pictures: slopes, estimates, and the same bits from all who trace them. */
+static bool run_images(const options *o, pool *threads, rt_gpu *gpu, report *r)
+{
+    static image_study images;
+    static refine_study refining;
+    static way_times times;
+    const int levels = o->quick ? 6 : LEVELS, last = levels - 1;
+    size_t n;
+    int which;
+
+    if (!study_images(&images, levels, o->report, threads) || !study_refining(&refining, o->quick ? 32 : 128, o->quick, o->report, threads) ||
+        !time_ways(&times, gpu)) return false;
+    printf("\n%-16s %-13s %7s %12s %22s\n", "pictures", "sampler", "slope", "last error", "seconds to independent's");
+    for (n = 0; n < STAGES; n++)
+        for (which = RT_SAMPLER_INDEPENDENT; which < RT_SAMPLER_COUNT; which++) {
+            const image_point *p = images.points[n][which];
+
+            printf("%-16s %-13s %7.3f %12.6f %22.4f\n", stage_kinds[n].name, sampler_names[which], images.slopes[n][which], p[last].rmse,
+                   seconds_to(p, levels, images.points[n][RT_SAMPLER_INDEPENDENT][last].rmse, false));
+            if (which == RT_SAMPLER_INDEPENDENT) expect(fabs(images.slopes[n][which] + 0.5) < 0.03, "the slope of independent samples");
+            else expect(images.slopes[n][which] < -0.53, "the slope of stratified samples");
+        }
+    printf("\n%-16s %22s\n", "pictures", "adaptive: times less");
+    for (n = 0; n < STAGES; n++) printf("%-16s %22.2f\n", stage_kinds[n].name, refining.gains[n]);
+    printf("estimated over true errors: %.3f to %.3f\n", refining.least, refining.most);
+    expect(refining.least > 1 / 1.5 && refining.most < 1.5, "estimated errors");
+    expect(!times.differ, "who traces a picture changes it");
+    r->images = &images;
+    r->refining = &refining;
+    r->times = &times;
+    return true;
 }
 
 static const char usage[] =
-    "usage: accuracy [--quick] [--gpu] [--rays N] [--only TEXT] [-o FILE.csv]\n\n"
-    "Compares the hits of every structure, algorithm, packet width, culling and instruction set with the truth, found in exact arithmetic.\n"
-    "  --quick      small models, 1024 rays a suite, no times\n"
-    "  --gpu        the OpenCL device too\n"
-    "  --rays N     a suite, over its places (default 1000000)\n"
-    "  --only TEXT  suites with that in their name\n"
-    "  -o FILE      a row for each way, suite and place\n\n"
+    "usage: accuracy [--quick] [--gpu] [--rays N] [--only TEXT] [-o FILE.csv] [--report FOLDER]\n\n"
+    "Compares the hits of every structure, algorithm, packet width, culling and instruction set with the truth, found in exact arithmetic;\n"
+    "follows rays that leave a surface; and measures how far pictures with noise are from what they tend to.\n"
+    "  --quick          small models, 1024 rays a suite, few samples, no times of hits\n"
+    "  --gpu            the OpenCL device too\n"
+    "  --rays N         a suite, over its places (default 1000000)\n"
+    "  --only TEXT      suites of hits with that in their name, and nothing else\n"
+    "  -o FILE          a row for each way, suite and place\n"
+    "  --report FOLDER  there: accuracy.csv, images.csv, plots and report.html, which holds all of it. References of pictures are kept there\n"
+    "                   for the next time. Needs gnuplot\n\n"
     "All rays are traced by each algorithm in its default width; a sixteenth of them by other widths, cullings, instruction sets and by the\n"
     "device: the rays of a row tell. Seven eighths come in packets that suit large ones, the others without order.\n";
 
+/* False: unknown, or it lacks its value. */
+static bool set_option(options *o, const char *name, const char *value, int *taken)
+{
+    *taken = 1;
+    if (strcmp(name, "--quick") == 0) return o->quick = true, o->rays = 1024, true;
+    if (strcmp(name, "--gpu") == 0) return o->gpu = true;
+    *taken = 2;
+    if (!value) return false;
+    if (strcmp(name, "--rays") == 0) return o->rays = (size_t)strtoul(value, NULL, 10), o->rays > 0;
+    if (strcmp(name, "--only") == 0) return o->only = value, true;
+    if (strcmp(name, "-o") == 0) return o->output = value, true;
+    if (strcmp(name, "--report") == 0) return o->report = value, true;
+    return false;
+}
+
 int main(int argc, char **argv)
 {
-    options o = { 1000000, false, false, NULL, NULL };
+    options o = { 1000000, false, false, NULL, NULL, NULL };
+    const double start = seconds_now();
+    rt_gpu_options open;
+    rt_gpu_info info;
+    rt_gpu *gpu = NULL;
+    rt_error error;
+    report r;
     pool *threads;
     bool good;
-    int i;
+    int i, taken;
 
-    for (i = 1; i < argc; i++) {
-        if (strcmp(argv[i], "--quick") == 0) o.quick = true, o.rays = 1024;
-        else if (strcmp(argv[i], "--gpu") == 0) o.gpu = true;
-        else if (strcmp(argv[i], "--rays") == 0 && i + 1 < argc && atoi(argv[i + 1]) > 0) o.rays = (size_t)atoi(argv[++i]);
-        else if (strcmp(argv[i], "--only") == 0 && i + 1 < argc) o.only = argv[++i];
-        else if (strcmp(argv[i], "-o") == 0 && i + 1 < argc) o.output = argv[++i];
-        else {
+    for (i = 1; i < argc; i += taken)
+        if (!set_option(&o, argv[i], i + 1 < argc ? argv[i + 1] : NULL, &taken)) {
             fputs(usage, stdout);
             return strcmp(argv[i], "--help") == 0 ? EXIT_SUCCESS : EXIT_FAILURE;
         }
-    }
     setvbuf(stdout, NULL, _IOLBF, 0);
-    if (o.output && !can_write(o.output)) return EXIT_FAILURE;
+    memset(&r, 0, sizeof r);
+    memset(&open, 0, sizeof open);
+    open.general = true;
+    open.error = &error;
+    if (o.only && o.report) return complain("--only leaves out what a report tells"), EXIT_FAILURE;
+    if ((o.output && !can_write(o.output)) || (o.report && !report_possible(o.report))) return EXIT_FAILURE;
+    if (o.gpu && rt_gpu_open(&gpu, &open) != RT_OK) return complain("--gpu: %s", error.message), EXIT_FAILURE;
     threads = pool_create(0);
     if (!threads) return complain("cannot start the threads"), EXIT_FAILURE;
-    good = run_all(&o, threads);
+    if (gpu) {
+        rt_gpu_get_info(gpu, &info);
+        r.device = info.name;
+    }
+    good = run_all(&o, threads, gpu);
+    if (good && !o.only) {
+        run_leaving(&o, threads, &r);
+        good = run_images(&o, threads, gpu, &r);
+    }
+    r.seconds = seconds_now() - start;
+    r.threads = pool_threads(threads);
     if (o.output && !write_rows(o.output)) good = false;
+    if (good && o.report && !report_write(o.report, &r)) good = false;
+    if (good) printf("\n%zu passed, %zu failed, 0 skipped\n", passed, failed);
+    if (r.images) free_images((image_study *)(uintptr_t)r.images);
+    rt_gpu_close(gpu);
     pool_destroy(threads);
     free(rows);
     free(totals);
-    return good ? EXIT_SUCCESS : EXIT_FAILURE;
+    return good && !failed ? EXIT_SUCCESS : EXIT_FAILURE;
 }

@@ -4,10 +4,7 @@
 
    All times are of one thread, which draws a whole picture while others draw with other seeds; the device's are of the clock. */
 
-#include "../examples/scene.h"
 #include "../examples/refine.h"
-
-#include <sys/stat.h>
 
 /* ---- >>stages ------------------------------------------------------------------------------------------------------- */
 
@@ -23,7 +20,7 @@ static const stage_kind stage_kinds[] = {
 enum { STAGES = COUNT(stage_kinds) };
 
 typedef struct {
-    const stage_kind *kind;
+    const stage_kind *which;
     scene box;                              /* Cornell's */
     rt_sphere balls[STAGE_BALLS + 1], crowd_ball;
     rt_plane ground;
@@ -62,7 +59,7 @@ static void stage_end(stage *s)
 {
     rt_free(s->world_accel);
     rt_free(s->one_accel);
-    if (s->kind->box) scene_free(&s->box);
+    if (s->which->box) scene_free(&s->box);
 }
 
 static bool stage_begin_box(stage *s, rt_structure structure)
@@ -81,21 +78,21 @@ static bool stage_begin_box(stage *s, rt_structure structure)
 }
 
 /* Balls on the ground and a few more in instances, some of which move. */
-static bool stage_begin(stage *s, const stage_kind *kind, rt_structure structure, int width, int height)
+static bool stage_begin(stage *s, const stage_kind *which, rt_structure structure, int width, int height)
 {
     const rt_vec3 colors[STAGE_BALLS] = { { 0.8f, 0.2f, 0.15f }, { 0.2f, 0.6f, 0.25f }, { 0.2f, 0.3f, 0.8f } };
     int i;
 
     memset(s, 0, sizeof *s);
-    s->kind = kind;
+    s->which = which;
     s->how.width = width;
     s->how.height = height;
     s->pixels = (size_t)width * (size_t)height;
     s->how.depth = 3;
-    s->how.lens.radius = kind->lens ? 0.25f : 0;
+    s->how.lens.radius = which->lens ? 0.25f : 0;
     s->how.lens.focus = 6;
-    s->how.lens.close = kind->blur ? 1 : 0;
-    if (kind->box) return stage_begin_box(s, structure);
+    s->how.lens.close = which->blur ? 1 : 0;
+    if (which->box) return stage_begin_box(s, structure);
     for (i = 0; i < STAGE_BALLS; i++) {
         const float turn = 0.8975979f * (float)i, radius = 0.3f + 0.06f * (float)i, out = i ? 1.9f : 0;
 
@@ -106,7 +103,7 @@ static bool stage_begin(stage *s, const stage_kind *kind, rt_structure structure
     s->crowd_ball.radius = 0.3f;
     for (i = 0; i < 3; i++) s->materials[i].diffuse = colors[i];
     s->materials[3].diffuse = vec(0.6f, 0.55f, 0.5f);
-    for (i = 0; i < 4 && kind->gloss; i += 3) {
+    for (i = 0; i < 4 && which->gloss; i += 3) {
         s->materials[i].reflect = i ? vec(0.3f, 0.3f, 0.3f) : vec(0.7f, 0.7f, 0.7f);
         s->materials[i].diffuse = vec(0.3f, 0.25f, 0.2f);
         s->materials[i].roughness = 0.25f;
@@ -125,7 +122,7 @@ static bool stage_begin(stage *s, const stage_kind *kind, rt_structure structure
         memcpy(s->crowd[i].transform, m, sizeof m);
         s->crowd[i].accel = s->one_accel;
         s->motions[i].move = vec(0.5f, i % 2 ? 0.4f : -0.4f, 0);
-        s->crowd[i].motion = kind->blur && i < 2 ? &s->motions[i] : NULL;
+        s->crowd[i].motion = which->blur && i < 2 ? &s->motions[i] : NULL;
         s->parts[i] = &s->part;
     }
     s->world.spheres = s->balls;
@@ -137,7 +134,7 @@ static bool stage_begin(stage *s, const stage_kind *kind, rt_structure structure
     if (!stage_build_one(&s->world_accel, &s->world, structure)) return false;
     s->light.position = vec(-3, 5, 3);
     s->light.color = vec(0.9f, 0.85f, 0.8f);
-    s->light.radius = kind->soft ? 1.2f : 0;
+    s->light.radius = which->soft ? 1.2f : 0;
     s->view.accel = s->world_accel;
     s->view.geometry = &s->world;
     s->view.parts = s->parts;
@@ -173,7 +170,7 @@ static void must_draw(rt_status status, const char *what)
 
 static void stage_draw(const stage *s, const rt_render_options *how, rt_vec3 *pixels)
 {
-    must_draw(rt_render_tile(&s->view, how, 0, 0, how->width, how->height, pixels, NULL), s->kind->name);
+    must_draw(rt_render_tile(&s->view, how, 0, 0, how->width, how->height, pixels, NULL), s->which->name);
 }
 
 /* ---- >>references --------------------------------------------------------------------------------------------------- */
@@ -184,15 +181,15 @@ typedef struct { double *values, variance; size_t count; } reference;      /* co
 /* Errors of a picture. What the reference errs by is taken off: both err independently. */
 typedef struct { double square, relative; } image_error;
 
-static image_error compare(const rt_vec3 *pixels, const reference *truth)
+static image_error compare(const rt_vec3 *pixels, const reference *ideal)
 {
-    image_error e = { -truth->variance, 0 };
+    image_error e = { -ideal->variance, 0 };
     size_t i;
 
-    for (i = 0; i < truth->count; i++) {
-        const double want = truth->values[i], away = (double)(&pixels[i / 3].x)[i % 3] - want;
-        e.square += away * away / (double)truth->count;
-        e.relative += away * away / (want * want + 0.01) / (double)truth->count;
+    for (i = 0; i < ideal->count; i++) {
+        const double want = ideal->values[i], away = (double)(&pixels[i / 3].x)[i % 3] - want;
+        e.square += away * away / (double)ideal->count;
+        e.relative += away * away / (want * want + 0.01) / (double)ideal->count;
     }
     e.square = fmax(e.square, 0);
     return e;
@@ -204,28 +201,28 @@ typedef struct { const stage *s; rt_render_options how; double *sums; pthread_mu
 
 static void draw_reference_part(void *context, size_t part)
 {
-    reference_job *job = context;
-    rt_vec3 *pixels = need(job->s->pixels, sizeof *pixels);
-    rt_render_options how = job->how;
-    double *sums = job->sums + 3 * job->s->pixels * (part % 2);
+    reference_job *work = context;
+    rt_vec3 *pixels = need(work->s->pixels, sizeof *pixels);
+    rt_render_options how = work->how;
+    double *sums = work->sums + 3 * work->s->pixels * (part % 2);
     size_t i;
 
     how.seed = 0x51ed270bu + (uint32_t)part;
-    stage_draw(job->s, &how, pixels);
-    pthread_mutex_lock(&job->lock);
-    for (i = 0; i < 3 * job->s->pixels; i++) sums[i] += (double)(&pixels[i / 3].x)[i % 3];
-    pthread_mutex_unlock(&job->lock);
+    stage_draw(work->s, &how, pixels);
+    pthread_mutex_lock(&work->lock);
+    for (i = 0; i < 3 * work->s->pixels; i++) sums[i] += (double)(&pixels[i / 3].x)[i % 3];
+    pthread_mutex_unlock(&work->lock);
     free(pixels);
 }
 
 static bool read_reference(const char *path, const char *head, reference *out)
 {
     FILE *file = path ? fopen(path, "rb") : NULL;
-    char line[160];
+    char first[160];
     bool good;
 
     if (!file) return false;
-    good = fgets(line, sizeof line, file) && strcmp(line, head) == 0 && fread(&out->variance, sizeof out->variance, 1, file) == 1 &&
+    good = fgets(first, sizeof first, file) && strcmp(first, head) == 0 && fread(&out->variance, sizeof out->variance, 1, file) == 1 &&
            fread(out->values, sizeof *out->values, out->count, file) == out->count && fgetc(file) == EOF;
     fclose(file);
     return good;
@@ -256,7 +253,7 @@ static bool find_reference(const stage *s, rt_sampler_kind sampler, int spp, con
     rt_render_options how = s->how;
     char path[512], head[160];
     uint32_t hash = 2166136261u;
-    reference_job job;
+    reference_job work;
     size_t i;
 
     how.sampler = sampler;
@@ -265,27 +262,27 @@ static bool find_reference(const stage *s, rt_sampler_kind sampler, int spp, con
     for (i = 0; i < s->pixels * sizeof *sample; i++) hash = (hash ^ ((const unsigned char *)sample)[i]) * 16777619u;
     free(sample);
 
-    snprintf(path, sizeof path, "%s/reference-%d-%d-%d.bin", folder ? folder : "", (int)(s->kind - stage_kinds), (int)sampler, how.width);
-    snprintf(head, sizeof head, "rt.h reference: %s, sampler %d, %d x %d, %d spp, %08x\n", s->kind->name, (int)sampler, how.width, how.height,
+    snprintf(path, sizeof path, "%s/reference-%d-%d-%d.bin", folder ? folder : "", (int)(s->which - stage_kinds), (int)sampler, how.width);
+    snprintf(head, sizeof head, "rt.h reference: %s, sampler %d, %d x %d, %d spp, %08x\n", s->which->name, (int)sampler, how.width, how.height,
              spp, (unsigned)hash);
     out->count = 3 * s->pixels;
     out->values = need(out->count, sizeof *out->values);
     if (folder && read_reference(path, head, out)) return true;
-    job.s = s;
-    job.how = s->how;
-    job.how.sampler = sampler;
-    job.how.spp = spp / PARTS;
-    job.sums = need(2 * out->count, sizeof *job.sums);
-    pthread_mutex_init(&job.lock, NULL);
-    pool_for(threads, PARTS, draw_reference_part, &job);
-    pthread_mutex_destroy(&job.lock);
+    work.s = s;
+    work.how = s->how;
+    work.how.sampler = sampler;
+    work.how.spp = spp / PARTS;
+    work.sums = need(2 * out->count, sizeof *work.sums);
+    pthread_mutex_init(&work.lock, NULL);
+    pool_for(threads, PARTS, draw_reference_part, &work);
+    pthread_mutex_destroy(&work.lock);
     out->variance = 0;
     for (i = 0; i < out->count; i++) {
-        const double a = job.sums[i] / (PARTS / 2), b = job.sums[out->count + i] / (PARTS / 2);
+        const double a = work.sums[i] / (PARTS / 2), b = work.sums[out->count + i] / (PARTS / 2);
         out->values[i] = (a + b) / 2;
         out->variance += (a - b) * (a - b) / 4 / (double)out->count;
     }
-    free(job.sums);
+    free(work.sums);
     return !folder || write_reference(path, head, out);
 }
 
@@ -306,31 +303,31 @@ typedef struct {
     int levels;
 } image_study;
 
-typedef struct { image_study *study; const stage *s; const reference *truth; rt_sampler_kind sampler; image_point (*points)[LEVELS]; } image_job;
+typedef struct { image_study *study; const stage *s; const reference *ideal; rt_sampler_kind sampler; image_point (*points)[LEVELS]; } image_job;
 
 /* Sequences go on where they were; strata are made anew for each number of samples. */
 static void converge(void *context, size_t seed)
 {
-    const image_job *job = context;
-    const size_t pixels = job->s->pixels;
+    const image_job *work = context;
+    const size_t pixels = work->s->pixels;
     rt_vec3 *drawn = need(pixels, sizeof *drawn), *picture = need(pixels, sizeof *picture);
-    rt_render_options how = job->s->how;
+    rt_render_options how = work->s->how;
     double seconds = 0;
     int level;
     size_t i;
 
-    how.sampler = job->sampler;
+    how.sampler = work->sampler;
     how.seed = (uint32_t)seed;
-    for (level = 0; level < job->study->levels; level++) {
-        const bool anew = job->sampler == RT_SAMPLER_STRATIFIED || level == 0;
-        image_point *point = &job->points[seed][level];
+    for (level = 0; level < work->study->levels; level++) {
+        const bool anew = work->sampler == RT_SAMPLER_STRATIFIED || level == 0;
+        image_point *point = &work->points[seed][level];
         double start = thread_seconds();
         image_error e;
 
-        how.spp = job->sampler == RT_SAMPLER_STRATIFIED ? 1 << level : 1 << (job->study->levels - 1);
+        how.spp = work->sampler == RT_SAMPLER_STRATIFIED ? 1 << level : 1 << (work->study->levels - 1);
         how.first_sample = anew ? 0 : 1 << (level - 1);
         how.samples = anew ? 1 << level : 1 << (level - 1);
-        stage_draw(job->s, &how, drawn);
+        stage_draw(work->s, &how, drawn);
         for (i = 0; i < pixels; i++) {
             const float part = anew ? 1 : 0.5f;
             picture[i].x += part * (drawn[i].x - picture[i].x);
@@ -338,8 +335,8 @@ static void converge(void *context, size_t seed)
             picture[i].z += part * (drawn[i].z - picture[i].z);
         }
         start = thread_seconds() - start;
-        seconds = job->sampler == RT_SAMPLER_STRATIFIED ? start : seconds + start;
-        e = compare(picture, job->truth);
+        seconds = work->sampler == RT_SAMPLER_STRATIFIED ? start : seconds + start;
+        e = compare(picture, work->ideal);
         point->rmse = e.square, point->relmse = e.relative, point->seconds = seconds;
     }
     free(drawn);
@@ -399,21 +396,21 @@ static bool study_images(image_study *study, int levels, const char *folder, poo
 {
     image_point (*points)[LEVELS] = need(SEEDS, sizeof *points);
     size_t n, seed;
-    int kind, level;
+    int which, level;
 
     study->levels = levels;
     for (n = 0; n < STAGES; n++) {
         stage *s = &study->scenes[n];
 
         if (!stage_begin(s, &stage_kinds[n], RT_BVH, SMALL_WIDTH, SMALL_HEIGHT)) return false;
-        for (kind = 0; kind < 2; kind++)
-            if (!find_reference(s, kind ? RT_SAMPLER_SOBOL : RT_SAMPLER_STRATIFIED, 16 << (levels - 1), folder, threads, &study->truths[n][kind]))
+        for (which = 0; which < 2; which++)
+            if (!find_reference(s, which ? RT_SAMPLER_SOBOL : RT_SAMPLER_STRATIFIED, 16 << (levels - 1), folder, threads, &study->truths[n][which]))
                 return false;
-        for (kind = RT_SAMPLER_INDEPENDENT; kind < RT_SAMPLER_COUNT; kind++) {
-            image_job job = { study, s, &study->truths[n][kind == RT_SAMPLER_STRATIFIED], (rt_sampler_kind)kind, points };
-            image_point *out = study->points[n][kind];
+        for (which = RT_SAMPLER_INDEPENDENT; which < RT_SAMPLER_COUNT; which++) {
+            image_job work = { study, s, &study->truths[n][which == RT_SAMPLER_STRATIFIED], (rt_sampler_kind)which, points };
+            image_point *out = study->points[n][which];
 
-            pool_for(threads, SEEDS, converge, &job);
+            pool_for(threads, SEEDS, converge, &work);
             for (level = 0; level < levels; level++) {
                 for (seed = 0; seed < SEEDS; seed++) {
                     out[level].rmse += points[seed][level].rmse / SEEDS;
@@ -422,7 +419,7 @@ static bool study_images(image_study *study, int levels, const char *folder, poo
                 }
                 out[level].rmse = sqrt(out[level].rmse);
             }
-            study->slopes[n][kind] = slope_of(out, levels);
+            study->slopes[n][which] = slope_of(out, levels);
         }
     }
     free(points);
@@ -434,7 +431,7 @@ static void free_images(image_study *study)
     size_t n;
 
     for (n = 0; n < STAGES; n++) {
-        if (study->scenes[n].kind) stage_end(&study->scenes[n]);
+        if (study->scenes[n].which) stage_end(&study->scenes[n]);
         free(study->truths[n][0].values);
         free(study->truths[n][1].values);
     }
@@ -461,7 +458,7 @@ enum { PICTURE_WAYS = COUNT(picture_ways), WAY_LEVEL = 6 };     /* 64 samples */
 /* Seconds of a picture, the best of three; 0: not there. */
 typedef struct { double seconds[STAGES][PICTURE_WAYS]; size_t differ; } way_times;
 
-static bool draw_way(stage *s, int way, rt_gpu *gpu, rt_vec3 *pixels, double *seconds)
+static bool draw_way(stage *s, int tracer, rt_gpu *gpu, rt_vec3 *pixels, double *seconds)
 {
     rt_render_options how = s->how;
     rt_gpu_scene *there = NULL;
@@ -471,10 +468,10 @@ static bool draw_way(stage *s, int way, rt_gpu *gpu, rt_vec3 *pixels, double *se
 
     how.spp = 1 << WAY_LEVEL;
     how.sampler = RT_SAMPLER_SOBOL;
-    how.trace.algorithm = picture_ways[way].algorithm;
-    how.trace.packet_width = picture_ways[way].packet;
+    how.trace.algorithm = picture_ways[tracer].algorithm;
+    how.trace.packet_width = picture_ways[tracer].packet;
     how.trace.error = &error;
-    if (picture_ways[way].device) status = rt_gpu_upload_scene(gpu, &there, &s->view, &error);
+    if (picture_ways[tracer].device) status = rt_gpu_upload_scene(gpu, &there, &s->view, &error);
     for (round = there ? -1 : 0, *seconds = HUGE_VAL; round < 3 && status == RT_OK; round++) {         /* the first compiles */
         const double start = there ? seconds_now() : thread_seconds();
 
@@ -483,7 +480,7 @@ static bool draw_way(stage *s, int way, rt_gpu *gpu, rt_vec3 *pixels, double *se
         if (round >= 0) *seconds = fmin(*seconds, (there ? seconds_now() : thread_seconds()) - start);
     }
     rt_gpu_free_scene(there);
-    return status == RT_OK || complain("%s, %s: %s", s->kind->name, picture_ways[way].name, error.message);
+    return status == RT_OK || complain("%s, %s: %s", s->which->name, picture_ways[tracer].name, error.message);
 }
 
 static bool time_ways(way_times *out, rt_gpu *gpu)
@@ -492,18 +489,18 @@ static bool time_ways(way_times *out, rt_gpu *gpu)
     rt_vec3 *first = need(count, sizeof *first), *pixels = need(count, sizeof *pixels);
     bool good = true;
     size_t n;
-    int way;
+    int tracer;
 
     memset(out, 0, sizeof *out);
     for (n = 0; n < STAGES && good; n++)
-        for (way = 0; way < PICTURE_WAYS && good; way++) {
+        for (tracer = 0; tracer < PICTURE_WAYS && good; tracer++) {
             stage s;
 
-            if (picture_ways[way].device && !gpu) continue;
-            good = stage_begin(&s, &stage_kinds[n], picture_ways[way].structure, SMALL_WIDTH, SMALL_HEIGHT);
-            if (good) good = draw_way(&s, way, gpu, way ? pixels : first, &out->seconds[n][way]);
-            if (good && way && memcmp(first, pixels, count * sizeof *pixels) != 0) {
-                complain("%s: %s draws another picture", stage_kinds[n].name, picture_ways[way].name);
+            if (picture_ways[tracer].device && !gpu) continue;
+            good = stage_begin(&s, &stage_kinds[n], picture_ways[tracer].structure, SMALL_WIDTH, SMALL_HEIGHT);
+            if (good) good = draw_way(&s, tracer, gpu, tracer ? pixels : first, &out->seconds[n][tracer]);
+            if (good && tracer && memcmp(first, pixels, count * sizeof *pixels) != 0) {
+                complain("%s: %s draws another picture", stage_kinds[n].name, picture_ways[tracer].name);
                 out->differ++;
             }
             stage_end(&s);
@@ -529,7 +526,7 @@ typedef struct {
     double gains[STAGES];                   /* time of two halves over that of adaptive sampling to the least error of the latter */
 } refine_study;
 
-typedef struct { const stage *s; const reference *truth; int kind, most; refine_point (*points)[ROUNDS]; double *room; } refine_job;
+typedef struct { const stage *s; const reference *ideal; int which, most; refine_point (*points)[ROUNDS]; double *room; } refine_job;
 
 static rt_status draw_stage(void *context, const rt_render_options *how, rt_vec3 *pixels)
 {
@@ -552,53 +549,53 @@ static double room_of(const refinement *r)
 
 static void refine_once(void *context, size_t seed)
 {
-    const refine_job *job = context;
-    rt_render_options how = job->s->how;
+    const refine_job *work = context;
+    rt_render_options how = work->s->how;
     double start = thread_seconds(), lost = 0;
-    const int first = job->kind == ADAPTIVE ? 8 : 2, times = job->kind == ADAPTIVE ? 4 : 2;
+    const int first = work->which == ADAPTIVE ? 8 : 2, times = work->which == ADAPTIVE ? 4 : 2;
     refinement r;
     int i = 0, samples;
 
     how.sampler = RT_SAMPLER_SOBOL;
     how.seed = 1000 + (uint32_t)seed;
     how.spp = 65536;
-    if (!refine_begin(&r, &how, job->kind == ADAPTIVE, draw_stage, (void *)(uintptr_t)job->s)) must_draw(RT_ERROR_MEMORY, job->s->kind->name);
-    for (samples = first; samples <= job->most; samples *= times, i++) {
-        refine_point *p = &job->points[seed][i];
+    if (!refine_begin(&r, &how, work->which == ADAPTIVE, draw_stage, (void *)(uintptr_t)work->s)) must_draw(RT_ERROR_MEMORY, work->s->which->name);
+    for (samples = first; samples <= work->most; samples *= times, i++) {
+        refine_point *p = &work->points[seed][i];
         double now;
 
-        if (job->kind == ONE_SEQUENCE) {
+        if (work->which == ONE_SEQUENCE) {
             const int had = samples == first ? 0 : samples / 2;
 
             how.first_sample = had, how.samples = samples - had;
-            stage_draw(job->s, &how, r.parts[0]);
-            refine_add(r.picture, r.parts[0], job->s->pixels, (double)how.samples / samples);
+            stage_draw(work->s, &how, r.parts[0]);
+            refine_add(r.picture, r.parts[0], work->s->pixels, (double)how.samples / samples);
             r.samples = samples;
-        } else must_draw(refine_until(&r, samples), job->s->kind->name);
+        } else must_draw(refine_until(&r, samples), work->s->which->name);
         now = thread_seconds();
         p->samples = r.samples;
         p->seconds = now - start - lost;
-        p->estimate = job->kind == ONE_SEQUENCE ? 0 : r.error * r.error;
-        p->rmse = compare(r.picture, job->truth).square;
+        p->estimate = work->which == ONE_SEQUENCE ? 0 : r.error * r.error;
+        p->rmse = compare(r.picture, work->ideal).square;
         lost += thread_seconds() - now;
     }
-    if (job->kind == ADAPTIVE) job->room[seed] = room_of(&r);
+    if (work->which == ADAPTIVE) work->room[seed] = room_of(&r);
     refine_end(&r);
 }
 
-static void average_rounds(refine_study *out, size_t n, int kind, refine_point (*points)[ROUNDS])
+static void average_rounds(refine_study *out, size_t n, int which, refine_point (*points)[ROUNDS])
 {
     int i, seed;
 
-    for (i = 0; i < out->counts[n][kind]; i++) {
-        refine_point *p = &out->points[n][kind][i];
+    for (i = 0; i < out->counts[n][which]; i++) {
+        refine_point *p = &out->points[n][which][i];
 
         for (seed = 0; seed < REFINE_SEEDS; seed++) {
             const refine_point *one = &points[seed][i];
             const double ratio = sqrt(one->estimate / one->rmse);
 
-            if (kind != ONE_SEQUENCE) out->least = fmin(out->least, ratio);
-            if (kind != ONE_SEQUENCE) out->most = fmax(out->most, ratio);
+            if (which != ONE_SEQUENCE) out->least = fmin(out->least, ratio);
+            if (which != ONE_SEQUENCE) out->most = fmax(out->most, ratio);
             p->samples += one->samples / REFINE_SEEDS, p->seconds += one->seconds / REFINE_SEEDS;
             p->rmse += one->rmse / REFINE_SEEDS, p->estimate += one->estimate / REFINE_SEEDS;
         }
@@ -606,37 +603,37 @@ static void average_rounds(refine_study *out, size_t n, int kind, refine_point (
     }
 }
 
-static double refine_seconds_to(const refine_study *study, size_t n, int kind, double error)
+static double refine_seconds_to(const refine_study *study, size_t n, int which, double error)
 {
     double costs[ROUNDS], errors[ROUNDS];
     int i;
 
-    for (i = 0; i < study->counts[n][kind]; i++) costs[i] = study->points[n][kind][i].seconds, errors[i] = study->points[n][kind][i].rmse;
-    return reach(costs, errors, study->counts[n][kind], error);
+    for (i = 0; i < study->counts[n][which]; i++) costs[i] = study->points[n][which][i].seconds, errors[i] = study->points[n][which][i].rmse;
+    return reach(costs, errors, study->counts[n][which], error);
 }
 
-static bool study_refining(refine_study *out, int most, const char *folder, pool *threads)
+static bool study_refining(refine_study *out, int most, bool small, const char *folder, pool *threads)
 {
     refine_point (*points)[ROUNDS] = need(REFINE_SEEDS, sizeof *points);
     double room[REFINE_SEEDS];
     bool good = true;
     size_t n;
-    int kind, samples, seed;
+    int which, samples, seed;
 
     memset(out, 0, sizeof *out);
     out->least = HUGE_VAL;
     for (n = 0; n < STAGES && good; n++) {
-        reference truth = { NULL, 0, 0 };
+        reference ideal = { NULL, 0, 0 };
         stage s;
 
-        good = stage_begin(&s, &stage_kinds[n], RT_BVH, LARGE_WIDTH, LARGE_HEIGHT) &&
-               find_reference(&s, RT_SAMPLER_STRATIFIED, 16 * most, folder, threads, &truth);
-        for (kind = 0; kind < REFINE_KINDS && good; kind++) {
-            refine_job job = { &s, &truth, kind, kind == ADAPTIVE ? most : 4 * most, points, room };
+        good = stage_begin(&s, &stage_kinds[n], RT_BVH, small ? SMALL_WIDTH : LARGE_WIDTH, small ? SMALL_HEIGHT : LARGE_HEIGHT) &&
+               find_reference(&s, RT_SAMPLER_STRATIFIED, 16 * most, folder, threads, &ideal);
+        for (which = 0; which < REFINE_KINDS && good; which++) {
+            refine_job work = { &s, &ideal, which, which == ADAPTIVE ? most : 4 * most, points, room };
 
-            for (samples = kind == ADAPTIVE ? 8 : 2; samples <= job.most; samples *= kind == ADAPTIVE ? 4 : 2) out->counts[n][kind]++;
-            pool_for(threads, REFINE_SEEDS, refine_once, &job);
-            average_rounds(out, n, kind, points);
+            for (samples = which == ADAPTIVE ? 8 : 2; samples <= work.most; samples *= which == ADAPTIVE ? 4 : 2) out->counts[n][which]++;
+            pool_for(threads, REFINE_SEEDS, refine_once, &work);
+            average_rounds(out, n, which, points);
         }
         if (good) {
             const double goal = out->points[n][ADAPTIVE][out->counts[n][ADAPTIVE] - 1].rmse;
@@ -644,7 +641,7 @@ static bool study_refining(refine_study *out, int most, const char *folder, pool
             for (seed = 0; seed < REFINE_SEEDS; seed++) out->room[n] += room[seed] / REFINE_SEEDS;
             out->gains[n] = refine_seconds_to(out, n, UNIFORM, goal) / refine_seconds_to(out, n, ADAPTIVE, goal);
         }
-        free(truth.values);
+        free(ideal.values);
         stage_end(&s);
     }
     free(points);

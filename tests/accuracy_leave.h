@@ -66,14 +66,14 @@ static void leave_build(rt_accel **accel, const rt_geometry *geometry)
 }
 
 /* center, size: where rays are to go. */
-static void leave_make(leave_model *m, leave_kind kind, dice *d, double center[3], double *size)
+static void leave_make(leave_model *m, leave_kind which, dice *d, double center[3], double *size)
 {
     double low[3], high[3];
     int i, k;
 
     memset(m, 0, sizeof *m);
     for (k = 0; k < 3; k++) center[k] = (roll(d) < 0.5 ? -1 : 1) * roll_log(d, -8, 8);
-    if (kind == ONE_SPHERE) {
+    if (which == ONE_SPHERE) {
         const double away = roll_log(d, -3, 3);
 
         m->sphere.radius = (float)roll_log(d, -6, 6);
@@ -81,7 +81,7 @@ static void leave_make(leave_model *m, leave_kind kind, dice *d, double center[3
         m->sphere.center = to_vec(center);
         m->inner.spheres = &m->sphere, m->inner.sphere_count = 1;
         *size = (double)m->sphere.radius;
-    } else if (kind == ONE_PLANE) {
+    } else if (which == ONE_PLANE) {
         double n[3];
 
         roll_direction(d, n);
@@ -92,7 +92,7 @@ static void leave_make(leave_model *m, leave_kind kind, dice *d, double center[3
         m->plane.radius = roll(d) < 0.5 ? 0 : (float)*size;
         m->inner.planes = &m->plane, m->inner.plane_count = 1;
     } else {
-        for (i = 0; i < 9; i++) m->vertices[i] = (float)((roll(d) < 0.5 ? -1 : 1) * (kind == ONE_TRIANGLE ? roll_log(d, -8, 8) : roll_log(d, -3, 3)));
+        for (i = 0; i < 9; i++) m->vertices[i] = (float)((roll(d) < 0.5 ? -1 : 1) * (which == ONE_TRIANGLE ? roll_log(d, -8, 8) : roll_log(d, -3, 3)));
         m->inner.vertices = m->vertices, m->inner.vertex_count = 3, m->inner.triangle_count = 1;
         for (k = 0, *size = 0; k < 3; k++) {
             low[k] = fmin(m->vertices[k], fmin(m->vertices[3 + k], m->vertices[6 + k]));
@@ -102,7 +102,7 @@ static void leave_make(leave_model *m, leave_kind kind, dice *d, double center[3
         }
     }
     leave_build(&m->inner_accel, &m->inner);
-    if (kind != IN_INSTANCE) return;
+    if (which != IN_INSTANCE) return;
     for (i = 0; i < 12; i++) m->instance.transform[i] = (float)((2 * roll(d) - 1) * (i % 4 == 3 ? roll_log(d, -2, 3) : roll_log(d, -2, 2)));
     m->motion.move = to_vec(center);
     m->motion.axis.y = 1, m->motion.axis.x = 0.5f, m->motion.angle = (float)(3 * roll(d));
@@ -131,28 +131,28 @@ static rt_hit trace_at(const rt_accel *accel, const rt_ray *ray, float time)
     return hit;
 }
 
-/* The origin of a ray to dir from a hit, as kind has it; normal: towards dir. */
-static rt_vec3 find_origin(origin_kind kind, const rt_geometry *geo, const float *transform, const rt_ray *ray, const rt_hit *hit, const double normal[3],
+/* The origin of a ray to dir from a hit, as that way has it; normal: towards dir. */
+static rt_vec3 find_origin(origin_kind which, const rt_geometry *geo, const float *transform, const rt_ray *ray, const rt_hit *hit, const double normal[3],
                            rt_vec3 dir)
 {
     rt_vec3 at = { ray->org.x + hit->t * ray->dir.x, ray->org.y + hit->t * ray->dir.y, ray->org.z + hit->t * ray->dir.z };
 
-    if (kind == SPAWN) return rt_spawn_origin(geo, transform, ray, hit, dir);
-    if (kind == FIXED) at.x += (float)(1e-4 * normal[0]), at.y += (float)(1e-4 * normal[1]), at.z += (float)(1e-4 * normal[2]);
+    if (which == SPAWN) return rt_spawn_origin(geo, transform, ray, hit, dir);
+    if (which == FIXED) at.x += (float)(1e-4 * normal[0]), at.y += (float)(1e-4 * normal[1]), at.z += (float)(1e-4 * normal[2]);
     return at;
 }
 
 /* The unit normal at a hit, in the world. */
-static void normal_at(const leave_model *m, leave_kind kind, const float transform[12], const float normals[9], const rt_ray *ray, const rt_hit *hit, double n[3])
+static void normal_at(const leave_model *m, leave_kind which, const float transform[12], const float normals[9], const rt_ray *ray, const rt_hit *hit, double n[3])
 {
     double length, object[3];
     int k;
 
-    if (kind == ONE_SPHERE) {
+    if (which == ONE_SPHERE) {
         n[0] = (double)ray->org.x + (double)hit->t * (double)ray->dir.x - (double)m->sphere.center.x;
         n[1] = (double)ray->org.y + (double)hit->t * (double)ray->dir.y - (double)m->sphere.center.y;
         n[2] = (double)ray->org.z + (double)hit->t * (double)ray->dir.z - (double)m->sphere.center.z;
-    } else if (kind == ONE_PLANE) n[0] = (double)m->plane.normal.x, n[1] = (double)m->plane.normal.y, n[2] = (double)m->plane.normal.z;
+    } else if (which == ONE_PLANE) n[0] = (double)m->plane.normal.x, n[1] = (double)m->plane.normal.y, n[2] = (double)m->plane.normal.z;
     else {
         double a[3], b[3];
         for (k = 0; k < 3; k++) {
@@ -167,13 +167,13 @@ static void normal_at(const leave_model *m, leave_kind kind, const float transfo
     for (k = 0; k < 3; k++) n[k] /= length;
 }
 
-typedef struct { leave_kind kind; origin_kind how; uint64_t rays_each; uint64_t *rays, *wrong; double *seconds; } leave_job;
+typedef struct { leave_kind which; origin_kind how; uint64_t rays_each; uint64_t *rays, *wrong; double *seconds; } leave_job;
 
 /* One model: a ray to it, and many that go on to both sides, none of which may meet it, unless it is a sphere and they go into it. */
 static void leave_one(void *context, size_t number)
 {
-    const leave_job *job = context;
-    dice d = { number * 7919 + (uint64_t)job->kind };
+    const leave_job *work = context;
+    dice d = { number * 7919 + (uint64_t)work->which };
     double center[3], size, n[3], start;
     float transform[12], normals[9];
     const rt_accel *accel;
@@ -181,61 +181,61 @@ static void leave_one(void *context, size_t number)
     leave_model m;
     int k;
 
-    leave_make(&m, job->kind, &d, center, &size);
+    leave_make(&m, work->which, &d, center, &size);
     accel = m.accel ? m.accel : m.inner_accel;
     if (m.accel && !rt_instance_transform_at(accel, 0, m.time, transform, normals)) goto done;
     for (tries = 0; tries < 200; tries++) {
         double from[3], at[3], dir[3], skewed[3], side;
         rt_ray ray = { { 0, 0, 0 }, 0, { 0, 0, 0 }, INFINITY }, next = ray;
-        const float *place = m.accel ? transform : NULL;
+        const float *seen = m.accel ? transform : NULL;
         rt_hit hit;
 
         roll_direction(&d, from);
         roll_direction(&d, at);
         for (k = 0; k < 3; k++) {
-            const double r = job->kind == ONE_SPHERE && tries % 2 ? 0.5 : 3;
+            const double r = work->which == ONE_SPHERE && tries % 2 ? 0.5 : 3;
             from[k] = center[k] + r * size * from[k];
             at[k] = center[k] + 0.6 * size * roll(&d) * at[k];
         }
-        if (job->kind == ONE_TRIANGLE || job->kind == IN_INSTANCE) {
+        if (work->which == ONE_TRIANGLE || work->which == IN_INSTANCE) {
             double u = roll(&d), v = roll(&d) * (1 - u);
             for (k = 0; k < 3; k++) at[k] = (1 - u - v) * (double)m.vertices[k] + u * (double)m.vertices[3 + k] + v * (double)m.vertices[6 + k];
         }
         for (k = 0; k < 3; k++) dir[k] = at[k] - from[k];
         if (m.accel) {                      /* through the instance: where a point of it comes to */
             for (k = 0; k < 3; k++) {
-                const float *row = transform + 4 * k;
-                skewed[k] = (double)row[0] * from[0] + (double)row[1] * from[1] + (double)row[2] * from[2] + (double)row[3];
-                dir[k] = (double)row[0] * dir[0] + (double)row[1] * dir[1] + (double)row[2] * dir[2];
+                const float *to_row = transform + 4 * k;
+                skewed[k] = (double)to_row[0] * from[0] + (double)to_row[1] * from[1] + (double)to_row[2] * from[2] + (double)to_row[3];
+                dir[k] = (double)to_row[0] * dir[0] + (double)to_row[1] * dir[1] + (double)to_row[2] * dir[2];
                 if (k == 2) memcpy(from, skewed, sizeof from);
             }
             for (k = 0; k < 3; k++) {
-                const float *row = transform + 4 * k;
-                dir[k] = (double)row[0] * at[0] + (double)row[1] * at[1] + (double)row[2] * at[2] + (double)row[3] - from[k];
+                const float *to_row = transform + 4 * k;
+                dir[k] = (double)to_row[0] * at[0] + (double)to_row[1] * at[1] + (double)to_row[2] * at[2] + (double)to_row[3] - from[k];
             }
         }
         ray.org = to_vec(from);
         ray.dir = to_vec(dir);
         hit = trace_at(accel, &ray, m.time);
         if (hit.prim == RT_NONE) continue;
-        normal_at(&m, job->kind, place, normals, &ray, &hit, n);
+        normal_at(&m, work->which, seen, normals, &ray, &hit, n);
         start = thread_seconds();
-        for (i = 0; i < job->rays_each; i++) {
+        for (i = 0; i < work->rays_each; i++) {
             double to[3];
 
             roll_direction(&d, to);
             side = dot3(to, n);
-            if (job->kind == ONE_SPHERE && side < 0) {          /* the far wall is met, rightly */
+            if (work->which == ONE_SPHERE && side < 0) {          /* the far wall is met, rightly */
                 for (k = 0; k < 3; k++) to[k] = -to[k];
                 side = -side;
             }
             next.dir = to_vec(to);
             for (k = 0; k < 3; k++) to[k] = side < 0 ? -n[k] : n[k];
-            next.org = find_origin(job->how, &m.inner, place, &ray, &hit, to, next.dir);
-            job->wrong[number] += trace_at(accel, &next, m.time).prim != RT_NONE;
+            next.org = find_origin(work->how, &m.inner, seen, &ray, &hit, to, next.dir);
+            work->wrong[number] += trace_at(accel, &next, m.time).prim != RT_NONE;
         }
-        job->seconds[number] += thread_seconds() - start;
-        job->rays[number] += job->rays_each;
+        work->seconds[number] += thread_seconds() - start;
+        work->rays[number] += work->rays_each;
         break;
     }
 done:
@@ -281,7 +281,7 @@ static void box_make(leave_model *m, float vertices[24], uint32_t indices[36], d
 /* Rays from the middle of a box to within a millionth of its edges and corners; what goes on from there to the inside must meet the box. */
 static void leak_one(void *context, size_t number)
 {
-    const leave_job *job = context;
+    const leave_job *work = context;
     dice d = { number * 104729 + 5 };
     float vertices[24];
     uint32_t indices[36];
@@ -294,7 +294,7 @@ static void leak_one(void *context, size_t number)
     for (j = 0; j < 8; j++)
         for (k = 0; k < 3; k++) middle[k] += (double)vertices[3 * j + k] / 8;
     start = thread_seconds();
-    for (i = 0; i < job->rays_each; i++) {
+    for (i = 0; i < work->rays_each; i++) {
         rt_ray ray = { { 0, 0, 0 }, 0, { 0, 0, 0 }, INFINITY }, next = ray;
         const uint32_t tri = (uint32_t)(12 * roll(&d)), *of = indices + 3 * tri;
         double w[3], at[3], to[3], e[2][3], n[3], side;
@@ -313,7 +313,7 @@ static void leak_one(void *context, size_t number)
         ray.dir = to_vec(e[0]);
         hit = trace_at(m.inner_accel, &ray, 0);
         if (hit.prim == RT_NONE) {          /* closed, and rays do not slip through */
-            job->wrong[number]++;
+            work->wrong[number]++;
             continue;
         }
         of = indices + 3 * hit.prim;
@@ -331,11 +331,11 @@ static void leak_one(void *context, size_t number)
         for (k = 0; k < 3 && side < 0; k++) to[k] = -to[k];
         next.dir = to_vec(to);
         if (!((double)next.dir.x * n[0] + (double)next.dir.y * n[1] + (double)next.dir.z * n[2] > 0)) continue;     /* along the wall, by rounding */
-        next.org = find_origin(job->how, &m.inner, NULL, &ray, &hit, n, next.dir);
-        job->wrong[number] += trace_at(m.inner_accel, &next, 0).prim == RT_NONE;
+        next.org = find_origin(work->how, &m.inner, NULL, &ray, &hit, n, next.dir);
+        work->wrong[number] += trace_at(m.inner_accel, &next, 0).prim == RT_NONE;
     }
-    job->seconds[number] += thread_seconds() - start;
-    job->rays[number] += job->rays_each;
+    work->seconds[number] += thread_seconds() - start;
+    work->rays[number] += work->rays_each;
     leave_free(&m);
 }
 
@@ -373,23 +373,23 @@ static size_t measure_leaving(pool *threads, bool quick, leave_result *out, size
     double *seconds = need(MODELS_EACH, sizeof *seconds);
     static char names[64][160];
     size_t count = 0, i;
-    int kind, how;
+    int which, how;
 
-    for (kind = 0; kind <= LEAVE_KINDS; kind++)
+    for (which = 0; which <= LEAVE_KINDS; which++)
         for (how = 0; how < ORIGINS && count < most; how++) {
-            const bool leaks = kind == LEAVE_KINDS;
-            leave_job job = { (leave_kind)kind, (origin_kind)how, 0, rays, wrong, seconds };
+            const bool leaks = which == LEAVE_KINDS;
+            leave_job work = { (leave_kind)which, (origin_kind)how, 0, rays, wrong, seconds };
             leave_result *r = &out[count];
 
-            job.rays_each = (leaks ? 10000 : 1000) / (uint64_t)(quick ? 100 : how && !leaks ? 10 : 1);
+            work.rays_each = (leaks ? 10000 : 1000) / (uint64_t)(quick ? 100 : how && !leaks ? 10 : 1);
             memset(rays, 0, MODELS_EACH * sizeof *rays);
             memset(wrong, 0, MODELS_EACH * sizeof *wrong);
-            pool_for(threads, MODELS_EACH, leaks ? leak_one : leave_one, &job);
-            snprintf(names[count], sizeof *names, "%s; %s", leaks ? "leaks of a closed box near its edges" : leave_names[kind], origin_names[how]);
+            pool_for(threads, MODELS_EACH, leaks ? leak_one : leave_one, &work);
+            snprintf(names[count], sizeof *names, "%s; %s", leaks ? "leaks of a closed box near its edges" : leave_names[which], origin_names[how]);
             r->name = names[count++];
             r->ours = how == SPAWN;
             r->rays = r->wrong = 0;
-            r->ns = how == SPAWN && kind == ONE_TRIANGLE ? spawn_nanoseconds() : 0;
+            r->ns = how == SPAWN && which == ONE_TRIANGLE ? spawn_nanoseconds() : 0;
             for (i = 0; i < MODELS_EACH; i++) r->rays += rays[i], r->wrong += wrong[i];
         }
     free(rays);

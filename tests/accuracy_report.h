@@ -9,7 +9,6 @@ typedef struct {
     const way_times *times;
     const leave_result *leaving;
     size_t leaving_count;
-    double bad_worst;                       /* time of bad rays over that of others, of the worst way */
     const char *device;
     double seconds;                         /* that all of it took, */
     int threads;
@@ -106,12 +105,12 @@ static bool plot_end(FILE *plot) { return pclose(plot) == 0 || complain("gnuplot
 /* A way over all suites that peers could be measured on too. */
 typedef struct { const way *w; size_t rays, missed, false_hits, wrong, excused, compared, lost; double t_sum, t_most, part_most, uv_sum, uv_most, ns_sum, ns_count; bool same; } sum_row;
 
-static bool suite_has_peer(const char *suite)
+static bool suite_has_peer(const char *title)
 {
     size_t i;
 
     for (i = 0; i < row_count; i++)
-        if (rows[i].w->kind == PEER && strcmp(rows[i].suite, suite) == 0) return true;
+        if (rows[i].w->kind == PEER && strcmp(rows[i].suite, title) == 0) return true;
     return false;
 }
 
@@ -158,10 +157,13 @@ static bool plot_hits(const char *folder, const sum_row *sums)
 {
     const double floor_rate = 0.01;         /* where none stands on a logarithmic axis */
     FILE *plot = plot_begin(folder, "hits.svg", 960, 400);
+    double least = 50, most = 1000;
     size_t group, i;
     int panel;
 
     if (!plot) return false;
+    for (i = 0; i < way_count; i++)
+        if (sums[i].ns_count > 0) least = fmin(least, sum_ns(&sums[i])), most = fmax(most, sum_ns(&sums[i]));
     for (group = 0; group < COUNT(hit_groups); group++) {
         fprintf(plot, "$g%zu << EOD\n", group);
         for (i = 0; i < way_count; i++)
@@ -169,9 +171,9 @@ static bool plot_hits(const char *folder, const sum_row *sums)
                 fprintf(plot, "%g %g %g\n", sum_ns(&sums[i]), fmax(sum_rate(&sums[i]), floor_rate), mean(sums[i].t_sum, sums[i].compared));
         fprintf(plot, "1e-30 1e-30 1e-30\nEOD\n");          /* beyond the axes: a group may be empty */
     }
-    fputs("set multiplot layout 1,2\nset xlabel 'nanoseconds a ray, one thread'\nset xrange [20:*]\n", plot);
+    fprintf(plot, "set multiplot layout 1,2\nset xlabel 'nanoseconds a ray, one thread'\nset xrange [%g:%g]\n", least / 1.2, most * 1.2);
     for (panel = 0; panel < 2; panel++) {
-        if (panel) fputs("set title 'error of t, mean'\nset ylabel 'units in the last place'\nset yrange [0.1:*]\nset ytics auto\nset format y '%g'\nunset key\n", plot);
+        if (panel) fputs("set title 'error of t, mean'\nset ylabel 'units in the last place'\nset yrange [0.1:1000]\nset ytics auto\nset format y '%g'\nunset key\n", plot);
         else fprintf(plot, "set title 'missed, false and wrong hits'\nset ylabel 'of a million rays'\nset yrange [%g:1e6]\nset format y '%%g'\n"
                            "set ytics ('none' %g, '0.1' 0.1, '1' 1, '10' 10, '100' 100, '1000' 1e3, '10 000' 1e4, '100 000' 1e5)\nset key center right\n",
                      floor_rate / 2, floor_rate);
@@ -197,7 +199,7 @@ static const char *const refine_colors[REFINE_KINDS] = { "#888888", "#1f77b4", "
 static bool plot_convergence(const char *folder, const image_study *study, bool seconds)
 {
     FILE *plot = plot_begin(folder, seconds ? "seconds.svg" : "samples.svg", 960, 560);
-    int kind, level;
+    int which, level;
     size_t n;
 
     if (!plot) return false;
@@ -205,18 +207,18 @@ static bool plot_convergence(const char *folder, const image_study *study, bool 
             seconds ? "seconds of one thread" : "samples a pixel");
     if (!seconds) fputs("set xtics (1,4,16,64,256,1024)\n", plot);
     for (n = 0; n < STAGES; n++) {
-        for (kind = RT_SAMPLER_INDEPENDENT; kind < RT_SAMPLER_COUNT; kind++) {
-            fprintf(plot, "$s%d << EOD\n", kind);
+        for (which = RT_SAMPLER_INDEPENDENT; which < RT_SAMPLER_COUNT; which++) {
+            fprintf(plot, "$s%d << EOD\n", which);
             for (level = 0; level < study->levels; level++) {
-                const image_point *p = &study->points[n][kind][level];
+                const image_point *p = &study->points[n][which][level];
                 fprintf(plot, "%g %g\n", seconds ? p->seconds : (double)(1 << level), p->rmse);
             }
             fputs("EOD\n", plot);
         }
         fprintf(plot, "set title '%s'\nset ylabel '%s'\n%s\nplot ", stage_kinds[n].name, n % 3 ? "" : "root mean square error",
                 n ? "unset key" : "set key bottom left");
-        for (kind = RT_SAMPLER_INDEPENDENT; kind < RT_SAMPLER_COUNT; kind++)
-            fprintf(plot, "$s%d with linespoints pt 7 ps 0.35 lw 1.5 lc rgb '%s' title '%s', ", kind, sampler_colors[kind], sampler_names[kind]);
+        for (which = RT_SAMPLER_INDEPENDENT; which < RT_SAMPLER_COUNT; which++)
+            fprintf(plot, "$s%d with linespoints pt 7 ps 0.35 lw 1.5 lc rgb '%s' title '%s', ", which, sampler_colors[which], sampler_names[which]);
         fputs("0.01 with lines dt 3 lc rgb '#000000' notitle\n", plot);
     }
     return plot_end(plot);
@@ -225,24 +227,24 @@ static bool plot_convergence(const char *folder, const image_study *study, bool 
 static bool plot_refining(const char *folder, const refine_study *study)
 {
     FILE *plot = plot_begin(folder, "refining.svg", 960, 560);
-    int kind, i;
+    int which, i;
     size_t n;
 
     if (!plot) return false;
     fputs("set multiplot layout 2,3\nset xlabel 'seconds of one thread'\nset format y '%g'\nset format x '%g'\n", plot);
     for (n = 0; n < STAGES; n++) {
-        for (kind = 0; kind < REFINE_KINDS; kind++) {
-            fprintf(plot, "$r%d << EOD\n", kind);
-            for (i = 0; i < study->counts[n][kind]; i++) {
-                const refine_point *p = &study->points[n][kind][i];
-                fprintf(plot, "%g %g %g\n", p->seconds, p->rmse, kind == ONE_SEQUENCE ? p->rmse : p->estimate);
+        for (which = 0; which < REFINE_KINDS; which++) {
+            fprintf(plot, "$r%d << EOD\n", which);
+            for (i = 0; i < study->counts[n][which]; i++) {
+                const refine_point *p = &study->points[n][which][i];
+                fprintf(plot, "%g %g %g\n", p->seconds, p->rmse, which == ONE_SEQUENCE ? p->rmse : p->estimate);
             }
             fputs("EOD\n", plot);
         }
         fprintf(plot, "set title '%s'\nset ylabel '%s'\n%s\nplot ", stage_kinds[n].name, n % 3 ? "" : "root mean square error",
                 n ? "unset key" : "set key bottom left");
-        for (kind = 0; kind < REFINE_KINDS; kind++)
-            fprintf(plot, "$r%d using 1:2 with linespoints pt 7 ps 0.35 lw 1.5 lc rgb '%s' title '%s', ", kind, refine_colors[kind], refine_names[kind]);
+        for (which = 0; which < REFINE_KINDS; which++)
+            fprintf(plot, "$r%d using 1:2 with linespoints pt 7 ps 0.35 lw 1.5 lc rgb '%s' title '%s', ", which, refine_colors[which], refine_names[which]);
         fprintf(plot, "$r%d using 1:3 with points pt 6 ps 0.8 lc rgb '#000000' title 'estimated', $r%d using 1:3 with points pt 6 ps 0.8 lc rgb "
                 "'#000000' notitle\n", UNIFORM, ADAPTIVE);
     }
@@ -252,27 +254,27 @@ static bool plot_refining(const char *folder, const refine_study *study)
 static bool write_images(const char *folder, const report *r)
 {
     FILE *csv = report_open(folder, "images.csv");
-    int kind, i;
+    int which, i;
     size_t n;
 
     if (!csv) return false;
     fputs("scene,kind,spp,seconds,rmse,relmse,estimate\n", csv);
     for (n = 0; n < STAGES; n++) {
-        for (kind = RT_SAMPLER_INDEPENDENT; kind < RT_SAMPLER_COUNT; kind++)
+        for (which = RT_SAMPLER_INDEPENDENT; which < RT_SAMPLER_COUNT; which++)
             for (i = 0; i < r->images->levels; i++) {
-                const image_point *p = &r->images->points[n][kind][i];
-                fprintf(csv, "%s,%s,%d,%.6g,%.6g,%.6g,\n", stage_kinds[n].name, sampler_names[kind], 1 << i, p->seconds, p->rmse, p->relmse);
+                const image_point *p = &r->images->points[n][which][i];
+                fprintf(csv, "%s,%s,%d,%.6g,%.6g,%.6g,\n", stage_kinds[n].name, sampler_names[which], 1 << i, p->seconds, p->rmse, p->relmse);
             }
-        for (kind = 0; kind < REFINE_KINDS; kind++)
-            for (i = 0; i < r->refining->counts[n][kind]; i++) {
-                const refine_point *p = &r->refining->points[n][kind][i];
-                fprintf(csv, "%s,%s,%.6g,%.6g,%.6g,,", stage_kinds[n].name, refine_names[kind], p->samples, p->seconds, p->rmse);
-                if (kind != ONE_SEQUENCE) fprintf(csv, "%.6g", p->estimate);
+        for (which = 0; which < REFINE_KINDS; which++)
+            for (i = 0; i < r->refining->counts[n][which]; i++) {
+                const refine_point *p = &r->refining->points[n][which][i];
+                fprintf(csv, "%s,%s,%.6g,%.6g,%.6g,,", stage_kinds[n].name, refine_names[which], p->samples, p->seconds, p->rmse);
+                if (which != ONE_SEQUENCE) fprintf(csv, "%.6g", p->estimate);
                 fputc('\n', csv);
             }
-        for (kind = 0; kind < PICTURE_WAYS; kind++)
-            if (r->times->seconds[n][kind] > 0)
-                fprintf(csv, "%s,%s,%d,%.6g,%.6g,,\n", stage_kinds[n].name, picture_ways[kind].name, 1 << WAY_LEVEL, r->times->seconds[n][kind],
+        for (which = 0; which < PICTURE_WAYS; which++)
+            if (r->times->seconds[n][which] > 0)
+                fprintf(csv, "%s,%s,%d,%.6g,%.6g,,\n", stage_kinds[n].name, picture_ways[which].name, 1 << WAY_LEVEL, r->times->seconds[n][which],
                         r->images->points[n][RT_SAMPLER_SOBOL][WAY_LEVEL].rmse);
     }
     return report_close(csv, "images.csv");
@@ -343,17 +345,17 @@ static void put_hits(FILE *html, const sum_row *sums)
     fputs("</table>\n", html);
 }
 
-static const score *peer_score(const char *suite, const char *name, score *sum)
+static const score *peer_score(const char *title, const char *name, score *sum)
 {
-    const size_t length = strlen(suite);
+    const size_t length = strlen(title);
     size_t i;
 
     memset(sum, 0, sizeof *sum);
-    for (i = 0; i < row_count; i++) {       /* rows of a suite: its name, a place, its rays */
-        const char *rest = strstr(suite, "; rays");
-        const size_t head = rest ? (size_t)(rest - suite) : length;
+    for (i = 0; i < row_count; i++) {       /* rows of a title: its name, a place, its rays */
+        const char *rest = strstr(title, "; rays");
+        const size_t head = rest ? (size_t)(rest - title) : length;
 
-        if (rows[i].w->kind == PEER && strcmp(rows[i].w->name, name) == 0 && strncmp(rows[i].suite, suite, head) == 0 &&
+        if (rows[i].w->kind == PEER && strcmp(rows[i].w->name, name) == 0 && strncmp(rows[i].suite, title, head) == 0 &&
             (rows[i].suite[head] == ' ' || rows[i].suite[head] == ';') && rest && strstr(rows[i].suite, rest)) add_score(sum, &rows[i].s);
     }
     return sum->rays ? sum : NULL;
@@ -399,17 +401,17 @@ static void put_convergence(FILE *html, const image_study *study)
 {
     const int last = study->levels - 1;
     size_t n;
-    int kind;
+    int which;
 
     fputs("<table>\n", html);
     put_row(html, "th", "scene|sampler|slope|error at 1|at 64|at %d|relative at %d|samples to 0.01|seconds to 0.01|seconds to the error of independent at %d|"
             "times less|error in the time of independent at 64", 1 << last, 1 << last, 1 << last);
     for (n = 0; n < STAGES; n++)
-        for (kind = RT_SAMPLER_INDEPENDENT; kind < RT_SAMPLER_COUNT; kind++) {
-            const image_point *p = study->points[n][kind], *plain = study->points[n][RT_SAMPLER_INDEPENDENT];
+        for (which = RT_SAMPLER_INDEPENDENT; which < RT_SAMPLER_COUNT; which++) {
+            const image_point *p = study->points[n][which], *plain = study->points[n][RT_SAMPLER_INDEPENDENT];
             const double seconds = seconds_to(p, study->levels, plain[last].rmse, false);
 
-            put_row(html, "td", "%s|%s|%.3f|%.4f|%.5f|%.6f|%.3g|%.1f|%.4f|%.3f|%.2f|%.5f", stage_kinds[n].name, sampler_names[kind], study->slopes[n][kind],
+            put_row(html, "td", "%s|%s|%.3f|%.4f|%.5f|%.6f|%.3g|%.1f|%.4f|%.3f|%.2f|%.5f", stage_kinds[n].name, sampler_names[which], study->slopes[n][which],
                     p[0].rmse, p[6 < last ? 6 : last].rmse, p[last].rmse, p[last].relmse, seconds_to(p, study->levels, 0.01, true),
                     seconds_to(p, study->levels, 0.01, false), seconds, plain[last].seconds / seconds, error_after(p, study->levels, plain[6 < last ? 6 : last].seconds));
         }
@@ -419,16 +421,16 @@ static void put_convergence(FILE *html, const image_study *study)
 static void put_times(FILE *html, const report *r)
 {
     size_t n;
-    int way;
+    int tracer;
 
     fputs("<table>\n<tr><th>seconds to an error of 0.01</th>", html);
     for (n = 0; n < STAGES; n++) fprintf(html, "<th>%s</th>", stage_kinds[n].name);
     fputs("</tr>\n", html);
-    for (way = 0; way < PICTURE_WAYS; way++) {
-        if (!(r->times->seconds[0][way] > 0)) continue;
-        fprintf(html, "<tr><td>%s</td>", picture_ways[way].name);
+    for (tracer = 0; tracer < PICTURE_WAYS; tracer++) {
+        if (!(r->times->seconds[0][tracer] > 0)) continue;
+        fprintf(html, "<tr><td>%s</td>", picture_ways[tracer].name);
         for (n = 0; n < STAGES; n++)
-            fprintf(html, "<td>%.4f</td>", r->times->seconds[n][way] / (1 << WAY_LEVEL) * seconds_to(r->images->points[n][RT_SAMPLER_SOBOL], r->images->levels, 0.01, true));
+            fprintf(html, "<td>%.4f</td>", r->times->seconds[n][tracer] / (1 << WAY_LEVEL) * seconds_to(r->images->points[n][RT_SAMPLER_SOBOL], r->images->levels, 0.01, true));
         fputs("</tr>\n", html);
     }
     fputs("</table>\n", html);
@@ -437,19 +439,19 @@ static void put_times(FILE *html, const report *r)
 static void put_refining(FILE *html, const refine_study *study)
 {
     size_t n;
-    int kind, i;
+    int which, i;
 
     fputs("<table>\n", html);
     put_row(html, "th", "scene|way|samples|seconds|error|estimated|adaptive: times less|possible, samples");
     for (n = 0; n < STAGES; n++)
-        for (kind = 0; kind < REFINE_KINDS; kind++)
-            for (i = study->counts[n][kind] - 1; i < study->counts[n][kind]; i++) {
-                const refine_point *p = &study->points[n][kind][i];
+        for (which = 0; which < REFINE_KINDS; which++)
+            for (i = study->counts[n][which] - 1; i < study->counts[n][which]; i++) {
+                const refine_point *p = &study->points[n][which][i];
                 char more[64] = "|", estimate[32] = "-";
 
-                if (kind == ADAPTIVE) snprintf(more, sizeof more, "%.2f|%.2f", study->gains[n], study->room[n]);
-                if (kind != ONE_SEQUENCE) snprintf(estimate, sizeof estimate, "%.6f", p->estimate);
-                put_row(html, "td", "%s|%s|%.1f|%.3f|%.6f|%s|%s", stage_kinds[n].name, refine_names[kind], p->samples, p->seconds, p->rmse, estimate, more);
+                if (which == ADAPTIVE) snprintf(more, sizeof more, "%.2f|%.2f", study->gains[n], study->room[n]);
+                if (which != ONE_SEQUENCE) snprintf(estimate, sizeof estimate, "%.6f", p->estimate);
+                put_row(html, "td", "%s|%s|%.1f|%.3f|%.6f|%s|%s", stage_kinds[n].name, refine_names[which], p->samples, p->seconds, p->rmse, estimate, more);
             }
     fputs("</table>\n", html);
 }
@@ -466,12 +468,12 @@ static const char report_style[] =
 /* The name of the processor, where the system tells. */
 static void processor_name(char *out, size_t size)
 {
-    char line[256];
+    char text[256];
     FILE *file = fopen("/proc/cpuinfo", "r");
 
     snprintf(out, size, "a processor");
-    while (file && fgets(line, sizeof line, file)) {
-        char *name = strncmp(line, "model name", 10) == 0 ? strchr(line, ':') : NULL;
+    while (file && fgets(text, sizeof text, file)) {
+        char *name = strncmp(text, "model name", 10) == 0 ? strchr(text, ':') : NULL;
         if (!name) continue;
         name[strcspn(name, "\n")] = '\0';
         snprintf(out, size, "%s", name + 2);
@@ -484,6 +486,7 @@ static bool put_page(FILE *html, const char *folder, const report *r, const sum_
 {
     size_t i, rays = 0, missed = 0, false_hits = 0, wrong = 0, ways_ours = 0, differ = 0, best = 0, faster = 0;
     char processor[128];
+    double bad_worst = 0;
     bool good;
 
     for (i = 0; i < total_count; i++) {
@@ -516,8 +519,9 @@ static bool put_page(FILE *html, const char *folder, const report *r, const sum_
           "something. What rt.h misses, finds falsely or on the wrong primitive must be 0 everywhere; peers are counted the same way, where they "
           "have such primitives.</p>\n", html);
     put_suites(html);
-    if (r->bad_worst > 0)
-        fprintf(html, "<p>Rays that are not finite, or go nowhere, miss; at worst they take %.2f times as long as others.</p>\n", r->bad_worst);
+    for (i = 0; i < total_count; i++) bad_worst = fmax(bad_worst, totals[i].bad);
+    if (bad_worst > 0)
+        fprintf(html, "<p>Rays that are not finite, or go nowhere, miss; at worst they take %.2f times as long as others.</p>\n", bad_worst);
     fputs("<h2>Leaving a surface</h2>\n<p>Secondary rays from rt_spawn_origin meet neither the surface they leave nor pass a neighbour; "
           "the usual origins do.</p>\n", html);
     put_leaving(html, r);
