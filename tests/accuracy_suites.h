@@ -501,9 +501,10 @@ static void make_scan(model *m, bool quick)
     for (i = 0; i < COUNT(names); i++) {
         char path[512];
         scene loaded;
+        scene_error why;
 
         snprintf(path, sizeof path, "%s/models/%s", folder ? folder : "../shared/scenes", names[i]);
-        if (!scene_load(&loaded, path, NULL, NULL, NULL)) continue;
+        if (!scene_load(&loaded, path, NULL, NULL, &why)) continue;
         memset(m, 0, sizeof *m);
         (void)model_more(m, loaded.geometry.vertex_count, loaded.geometry.triangle_count);
         memcpy(m->vertices, loaded.vertices, 3 * m->vertex_count * sizeof *m->vertices);
