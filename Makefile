@@ -60,10 +60,11 @@ test: all
 	$(B)/rt_test
 	$(B)/accuracy --quick
 
-# every way to find hits beside exact arithmetic: out/accuracy.csv
+# error against run time, 25 minutes: out/report.html, its plots, and all numbers as CSV
 accuracy: $(B)/accuracy | out
 	$(opencl)
-	$(B)/accuracy --gpu -o out/accuracy.csv
+	$(call need,gnuplot,gnuplot-nox)
+	$(B)/accuracy --gpu --report out
 
 bench: $(B)/bench | out
 	$(B)/bench $(or $(BENCH),--paper all --svg out)
