@@ -540,13 +540,13 @@ static void thin_triangles(model *m, size_t count, double where)
     }
 }
 
-static void make_slivers(model *m, bool quick) { thin_triangles(m, quick ? 500 : 1000, 0.5); }
-static void make_needles(model *m, bool quick) { thin_triangles(m, quick ? 500 : 1000, 1); }
+static void make_slivers(model *m, bool quick) { thin_triangles(m, quick ? 150 : 250, 0.5); }
+static void make_needles(model *m, bool quick) { thin_triangles(m, quick ? 150 : 250, 1); }
 
 /* Closed spindles that share one tip, 1e-2 to 1e-6 thick, of 32 needles to each end. */
 static void make_spindles(model *m, bool quick)
 {
-    const size_t count = quick ? 12 : 48, around = 32;
+    const size_t count = quick ? 8 : 16, around = 32;
     const uint32_t tip = model_more(m, 1, 0);
     size_t i, j;
     int k;
@@ -578,9 +578,10 @@ static void make_spindles(model *m, bool quick)
 /* 48 sheets, one above the other by one unit in the last place and up to 1e-3; and as many tilted. */
 static void make_stack(model *m, bool quick)
 {
-    const size_t fine = quick ? 2 : 4;
+    const size_t fine = 2;
     int tilt, i;
 
+    (void)quick;
     for (tilt = 0; tilt < 2; tilt++) {
         double height = 1;
 
