@@ -60,7 +60,7 @@ test: all
 	$(B)/rt_test
 	$(B)/accuracy --quick
 
-# error against run time, 25 minutes: out/report.html, its plots, and all numbers as CSV
+# error against run time: out/report.html, its plots, and all numbers as CSV
 accuracy: $(B)/accuracy | out
 	$(opencl)
 	$(call need,gnuplot,gnuplot-nox)
@@ -120,7 +120,7 @@ help:
 	@echo "make            build everything into build/"
 	@echo "make demo       render the demo scenes to out/*.ppm"
 	@echo "make test       all tests"
-	@echo "make accuracy   every way to find hits beside exact arithmetic: out/accuracy.csv"
+	@echo "make accuracy   error against run time: out/report.html, with CSV and plots"
 	@echo "make bench      speed table, with Embree where libembree-dev is installed, and the papers' tables; BENCH='--help' tells the options"
 	@echo "make gpu        every kernel of rt_gpu.h on this machine's OpenCL device: hits and speed; GPU='scene.obj --device NAME'"
 	@echo "make check      tests under the address, undefined and thread sanitizers and valgrind"

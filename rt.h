@@ -5113,7 +5113,7 @@ RT_API rt_vec3 rt_spawn_origin(const rt_geometry *geo, const float transform[12]
     const size_t triangles = geo->triangle_count;
     const double world_org[3] = { (double)ray->org.x, (double)ray->org.y, (double)ray->org.z };
     const double world_dirs[2][3] = { { (double)dir.x, (double)dir.y, (double)dir.z }, { (double)ray->dir.x, (double)ray->dir.y, (double)ray->dir.z } };
-    double inverse[9] = { 1, 0, 0, 0, 1, 0, 0, 0, 1 }, org[3], dirs[2][3], blur[3], up;
+    double inverse[9] = { 1, 0, 0, 0, 1, 0, 0, 0, 1 }, org[3], dirs[2][3], blur[3], up, within = HUGE_VAL;
     rti_anchor s;
     rt_vec3 out;
     int i, k;
@@ -5147,10 +5147,19 @@ RT_API rt_vec3 rt_spawn_origin(const rt_geometry *geo, const float transform[12]
     else if (hit->prim - triangles < geo->sphere_count) {
         const rt_sphere *ball = &geo->spheres[hit->prim - triangles];
         const double center[3] = { (double)ball->center.x, (double)ball->center.y, (double)ball->center.z };
-        for (k = 0; k < 3; k++) s.normal[k] = s.point[k] - center[k];
+        double to[3], off[3], nearest, half;
+        for (k = 0; k < 3; k++) to[k] = center[k] - org[k];
+        nearest = rti_dot3(to, dirs[1]) / rti_dot3(dirs[1], dirs[1]);
+        for (k = 0; k < 3; k++) off[k] = to[k] - rti_round(nearest * dirs[1][k]);
+        half = rti_round((double)ball->radius * (double)ball->radius) - rti_dot3(off, off);
+        half = half > 0 ? sqrt(half / rti_dot3(dirs[1], dirs[1])) : 0;
+        nearest += (double)hit->t < nearest ? -half : half;             /* t again: of a small sphere afar, a float is far from it */
+        for (k = 0; k < 3; k++) s.normal[k] = rti_round(nearest * dirs[1][k]) - to[k];
         (void)rti_unit3(s.normal);
+        memcpy(s.point, center, sizeof s.point);
         rti_drop(s.point, center, s.normal, (double)ball->radius);
         s.bound = 1e-12 * (double)ball->radius + rti_blur(&s, transform, inverse, blur);
+        within = (double)ball->radius;      /* at most to the centre */
     }
 #endif
 #if RTI_PLANES
@@ -5167,7 +5176,7 @@ RT_API rt_vec3 rt_spawn_origin(const rt_geometry *geo, const float transform[12]
 #endif
     up = rti_dot3(s.normal, dirs[0]);
     if (up == 0) up = -rti_dot3(s.normal, dirs[1]);
-    for (k = 0; k < 3; k++) s.point[k] += rti_round((up < 0 ? -s.bound : s.bound) * s.normal[k]);
+    for (k = 0; k < 3; k++) s.point[k] += rti_round((up < 0 ? -fmin(s.bound, within) : s.bound) * s.normal[k]);
     for (k = 0; k < 3 && transform; k++) org[k] = (double)transform[4 * k + 3] + rti_round((double)transform[4 * k] * s.point[0]) +
         rti_round((double)transform[4 * k + 1] * s.point[1]) + rti_round((double)transform[4 * k + 2] * s.point[2]);
     if (transform) memcpy(s.point, org, sizeof s.point);
