@@ -938,7 +938,7 @@ static bool run_images(const options *o, pool *threads, rt_gpu *gpu, report *r)
             printf("%-16s %-13s %7.3f %12.6f %22.4f\n", stage_kinds[n].name, sampler_names[which], images.slopes[n][which], p[last].rmse,
                    seconds_to(p, levels, images.points[n][RT_SAMPLER_INDEPENDENT][last].rmse, false));
             if (which == RT_SAMPLER_INDEPENDENT) expect(fabs(images.slopes[n][which] + 0.5) < 0.03, "the slope of independent samples");
-            else expect(images.slopes[n][which] < -0.53, "the slope of stratified samples");
+            else expect(images.slopes[n][which] < -0.51, "the slope of stratified samples");
         }
     printf("\n%-16s %22s\n", "pictures", "adaptive: times less");
     for (n = 0; n < STAGES; n++) printf("%-16s %22.2f\n", stage_kinds[n].name, refining.gains[n]);

@@ -103,7 +103,18 @@ static bool plot_end(FILE *plot) { return pclose(plot) == 0 || complain("gnuplot
 /* ---- >>hit-plots ---------------------------------------------------------------------------------------------------- */
 
 /* A way over all suites that peers could be measured on too. */
-typedef struct { const way *w; size_t rays, missed, false_hits, wrong, excused, compared, lost; double t_sum, t_most, part_most, uv_sum, uv_most, ns_sum, ns_count; bool same; } sum_row;
+typedef struct { const way *w; size_t rays, missed, false_hits, wrong, excused, compared, lost; double t_sum, t_most, part_most, uv_sum, uv_most, ns_sum, ns_count, log_sum,
+                 log_count; bool same; } sum_row;
+
+/* Was every way timed there? Only such suites count where times are compared. */
+static bool suite_is_timed(const char *title)
+{
+    size_t i;
+
+    for (i = 0; i < row_count; i++)
+        if (!(rows[i].ns > 0) && strcmp(rows[i].suite, title) == 0) return false;
+    return true;
+}
 
 static bool suite_has_peer(const char *title)
 {
@@ -119,7 +130,7 @@ static sum_row *sum_rows(void)
 {
     sum_row *sums = need(way_count, sizeof *sums);
     const char *last = "";
-    bool counts = false;
+    bool counts = false, timed = false;
     size_t i;
 
     for (i = 0; i < way_count; i++) sums[i].w = &ways[i], sums[i].same = true;
@@ -127,7 +138,7 @@ static sum_row *sum_rows(void)
         const row *r = &rows[i];
         sum_row *to = &sums[r->w - ways];
 
-        if (strcmp(last, r->suite) != 0) counts = suite_has_peer(r->suite);
+        if (strcmp(last, r->suite) != 0) counts = suite_has_peer(r->suite), timed = suite_is_timed(r->suite);
         last = r->suite;
         if (!counts) continue;
         to->rays += r->s.rays, to->missed += r->s.missed, to->false_hits += r->s.false_hits, to->wrong += r->s.wrong;
@@ -135,7 +146,8 @@ static sum_row *sum_rows(void)
         to->t_sum += r->s.t.ulp_sum, to->t_most = fmax(to->t_most, r->s.t.ulp_most), to->part_most = fmax(to->part_most, r->s.t.part_most);
         to->uv_sum += r->s.uv.sum, to->uv_most = fmax(to->uv_most, r->s.uv.most);
         to->same = to->same && r->same;
-        if (r->ns > 0) to->ns_sum += log(r->ns), to->ns_count++;
+        if (timed) to->ns_sum += log(r->ns), to->ns_count++;
+        if (r->s.compared) to->log_sum += log(mean(r->s.t.ulp_sum, r->s.compared) + 1e-3), to->log_count++;
     }
     return sums;
 }
@@ -168,14 +180,15 @@ static bool plot_hits(const char *folder, const sum_row *sums)
         fprintf(plot, "$g%zu << EOD\n", group);
         for (i = 0; i < way_count; i++)
             if (sums[i].ns_count > 0 && group_of(sums[i].w) == (int)group)
-                fprintf(plot, "%g %g %g\n", sum_ns(&sums[i]), fmax(sum_rate(&sums[i]), floor_rate), mean(sums[i].t_sum, sums[i].compared));
+                fprintf(plot, "%g %g %g\n", sum_ns(&sums[i]), fmax(sum_rate(&sums[i]), floor_rate),
+                        exp(sums[i].log_sum / fmax(sums[i].log_count, 1)));
         fprintf(plot, "1e-30 1e-30 1e-30\nEOD\n");          /* beyond the axes: a group may be empty */
     }
     fprintf(plot, "set multiplot layout 1,2\nset xlabel 'nanoseconds a ray, one thread'\nset xrange [%g:%g]\n", least / 1.2, most * 1.2);
     for (panel = 0; panel < 2; panel++) {
-        if (panel) fputs("set title 'error of t, mean'\nset ylabel 'units in the last place'\nset yrange [0.1:1000]\nset ytics auto\nset format y '%g'\nunset key\n", plot);
-        else fprintf(plot, "set title 'missed, false and wrong hits'\nset ylabel 'of a million rays'\nset yrange [%g:1e6]\nset format y '%%g'\n"
-                           "set ytics ('none' %g, '0.1' 0.1, '1' 1, '10' 10, '100' 100, '1000' 1e3, '10 000' 1e4, '100 000' 1e5)\nset key center right\n",
+        if (panel) fputs("set title 'error of t: mean of a suite, geometric mean over suites'\nset ylabel 'units in the last place'\nset yrange [0.1:100]\nset ytics auto\nset format y '%g'\nunset key\n", plot);
+        else fprintf(plot, "set title 'missed, false and wrong hits'\nset ylabel 'of a million rays'\nset yrange [%g:1e9]\nset format y '%%g'\n"
+                           "set ytics ('none' %g, '0.1' 0.1, '1' 1, '10' 10, '100' 100, '1000' 1e3, '10 000' 1e4, '100 000' 1e5)\nset key top right\n",
                      floor_rate / 2, floor_rate);
         fputs("plot ", plot);
         for (group = 0; group < COUNT(hit_groups); group++) {
@@ -205,7 +218,7 @@ static bool plot_convergence(const char *folder, const image_study *study, bool 
     if (!plot) return false;
     fprintf(plot, "set multiplot layout 2,3\nset xlabel '%s'\nset format y '%%g'\nset format x '%%g'\n",
             seconds ? "seconds of one thread" : "samples a pixel");
-    if (!seconds) fputs("set xtics (1,4,16,64,256,1024)\n", plot);
+    if (!seconds) fprintf(plot, "set xtics (1,4,16,64,256,1024)\nset xrange [0.8:%g]\n", 1.25 * (1 << (study->levels - 1)));
     for (n = 0; n < STAGES; n++) {
         for (which = RT_SAMPLER_INDEPENDENT; which < RT_SAMPLER_COUNT; which++) {
             fprintf(plot, "$s%d << EOD\n", which);
@@ -216,7 +229,7 @@ static bool plot_convergence(const char *folder, const image_study *study, bool 
             fputs("EOD\n", plot);
         }
         fprintf(plot, "set title '%s'\nset ylabel '%s'\n%s\nplot ", stage_kinds[n].name, n % 3 ? "" : "root mean square error",
-                n ? "unset key" : "set key bottom left");
+                n ? "unset key" : "set key top right");
         for (which = RT_SAMPLER_INDEPENDENT; which < RT_SAMPLER_COUNT; which++)
             fprintf(plot, "$s%d with linespoints pt 7 ps 0.35 lw 1.5 lc rgb '%s' title '%s', ", which, sampler_colors[which], sampler_names[which]);
         fputs("0.01 with lines dt 3 lc rgb '#000000' notitle\n", plot);
@@ -242,7 +255,7 @@ static bool plot_refining(const char *folder, const refine_study *study)
             fputs("EOD\n", plot);
         }
         fprintf(plot, "set title '%s'\nset ylabel '%s'\n%s\nplot ", stage_kinds[n].name, n % 3 ? "" : "root mean square error",
-                n ? "unset key" : "set key bottom left");
+                n ? "unset key" : "set key top right");
         for (which = 0; which < REFINE_KINDS; which++)
             fprintf(plot, "$r%d using 1:2 with linespoints pt 7 ps 0.35 lw 1.5 lc rgb '%s' title '%s', ", which, refine_colors[which], refine_names[which]);
         fprintf(plot, "$r%d using 1:3 with points pt 6 ps 0.8 lc rgb '#000000' title 'estimated', $r%d using 1:3 with points pt 6 ps 0.8 lc rgb "

@@ -153,6 +153,7 @@ typedef struct {
     const model *m;
     box *boxes;
     uint32_t *order, box_count;             /* box_count 0: no triangles and no spheres */
+    uint32_t *pieces;                       /* of triangles: alike where vertices lead from one to the other */
     double far;                             /* the largest coordinate */
 } truth_tree;
 
@@ -197,6 +198,25 @@ static void split_box(truth_tree *tree, uint32_t at)
     split_box(tree, tree->boxes[at].child + 1);
 }
 
+static uint32_t first_of(uint32_t *above, uint32_t i)
+{
+    while (above[i] != i) i = above[i] = above[above[i]];
+    return i;
+}
+
+static void find_pieces(truth_tree *tree)
+{
+    const model *m = tree->m;
+    uint32_t *above = need(m->vertex_count, sizeof *above);
+    size_t i;
+
+    tree->pieces = need(m->triangle_count, sizeof *tree->pieces);
+    for (i = 0; i < m->vertex_count; i++) above[i] = (uint32_t)i;
+    for (i = 0; i < 3 * m->triangle_count; i++) above[first_of(above, m->indices[i])] = first_of(above, m->indices[i / 3 * 3]);
+    for (i = 0; i < m->triangle_count; i++) tree->pieces[i] = first_of(above, m->indices[3 * i]);
+    free(above);
+}
+
 static void truth_build(truth_tree *tree, const model *m)
 {
     const size_t count = m->triangle_count + m->sphere_count;
@@ -206,6 +226,7 @@ static void truth_build(truth_tree *tree, const model *m)
     tree->m = m;
     tree->boxes = need(2 * count, sizeof *tree->boxes);
     tree->order = need(count, sizeof *tree->order);
+    find_pieces(tree);
     if (!count) return;
     for (i = 0; i < count; i++) tree->order[i] = i;
     tree->boxes[0].count = (uint32_t)count;
@@ -218,6 +239,7 @@ static void truth_free(truth_tree *tree)
 {
     free(tree->boxes);
     free(tree->order);
+    free(tree->pieces);
 }
 
 /* ---- >>truth -------------------------------------------------------------------------------------------------------- */
@@ -617,14 +639,57 @@ static bool within(const model *m, uint32_t prim, const line *l, double t)
 /* Where a hit is looked at: the model, or the child of an instance with the ray as it is there. */
 typedef struct { const truth_tree *tree; line l; } view;
 
+/* The line, moved aside by part of what rounding may do: 48 ways. */
+static line moved_aside(const line *l, double across[2][3], double away, int i)
+{
+    const double turn = 0.39269908169872414 * i, part = away / (1 << i / 16 * 2);
+    line aside = *l;
+    int k;
+
+    aside.rough = true;
+    for (k = 0; k < 3; k++) aside.org[k] += part * (cos(turn) * across[0][k] + sin(turn) * across[1][k]);
+    return aside;
+}
+
+/* Does a line beside pass the piece of that triangle? */
+static bool slips_past(const truth_tree *tree, const line *l, uint32_t triangle)
+{
+    double across[2][3];
+    int i;
+
+    across_line(l, across);
+    for (i = 0; i < 48; i++) {
+        line aside = moved_aside(l, across, drift(tree->m, triangle, l), i);
+        truth other;
+
+        while ((other = truth_find(tree, &aside)).hit && other.prim < tree->m->triangle_count && tree->pieces[other.prim] != tree->pieces[triangle])
+            aside.tmin = other.t;
+        if (!other.hit) return true;
+    }
+    return false;
+}
+
+/* Each piece that the line meets, by itself. */
+static bool slips_past_all(const truth_tree *tree, const line *l, truth t)
+{
+    line rest = *l;
+
+    for (; t.hit; t = truth_find(tree, &rest)) {
+        if (t.prim >= tree->m->triangle_count || !slips_past(tree, l, t.prim)) return false;
+        rest.tmin = t.t;
+    }
+    return true;
+}
+
 /* Could rounding have led to that hit, or miss? The ray passes so near to the primitive; and what is true lies behind it, or is not there for
    one of 48 rays around: so at the rim of a closed mesh, but not where its triangles meet before the ray. found, true_one: where the hit
-   was found, and where it truly is. */
+   was found, and where it truly is. A miss may pass several pieces that share no vertex, whose roundings so have nothing in common: each by a ray
+   of its own. */
 static bool excused(const view *found, const rt_hit *hit, const view *true_one, const truth *t)
 {
     double across[2][3], away;
     bool inside;
-    int i, k;
+    int i;
 
     if (hit->prim != RT_NONE) {
         const model *m = found->tree->m;
@@ -636,16 +701,12 @@ static bool excused(const view *found, const rt_hit *hit, const view *true_one, 
     }
     across_line(&true_one->l, across);
     for (i = 0; i < 48; i++) {
-        const double turn = 0.39269908169872414 * i, part = drift(true_one->tree->m, t->prim, &true_one->l) / (1 << i / 16 * 2);
-        line aside = true_one->l;
-        truth other;
+        const line aside = moved_aside(&true_one->l, across, drift(true_one->tree->m, t->prim, &true_one->l), i);
+        const truth other = truth_find(true_one->tree, &aside);
 
-        aside.rough = true;
-        for (k = 0; k < 3; k++) aside.org[k] += part * (cos(turn) * across[0][k] + sin(turn) * across[1][k]);
-        other = truth_find(true_one->tree, &aside);
         if (!other.hit) return true;
         if (hit->prim == RT_NONE) continue;
         if ((other.prim == hit->prim && t->inst == hit->inst) || other.t >= (double)hit->t - 1e-5 * fabs((double)hit->t)) return true;
     }
-    return false;
+    return hit->prim == RT_NONE && t->inst == RT_NONE && slips_past_all(true_one->tree, &true_one->l, *t);
 }
