@@ -5049,7 +5049,7 @@ static void rtt_test_render_ways(void)
         stage.scene.accel = stage.accel;
         CHECK_STATUS(rti_choose(stage.accel, &trace, RTI_BLOCK_RAYS, &r.batch, &r.job), RT_OK);
         rti_choose_shaders(&r, RT_ISA_AUTO);
-        r.spp = 1, r.depth = 7;
+        r.spp = r.samples = 1, r.depth = 7;
         rti_set_world(&r, &stage.scene, WIDTH, HEIGHT);
         rti_render_large(&r, tile, WIDTH, got);
         CHECK(memcmp(want, got, sizeof want) == 0 && memcmp(&first, &r.counts, sizeof first) == 0);
