@@ -187,8 +187,8 @@ static bool plot_hits(const char *folder, const sum_row *sums)
     fprintf(plot, "set multiplot layout 1,2\nset xlabel 'nanoseconds a ray, one thread'\nset xrange [%g:%g]\n", least / 1.2, most * 1.2);
     for (panel = 0; panel < 2; panel++) {
         if (panel) fputs("set title 'error of t: mean of a suite, geometric mean over suites'\nset ylabel 'units in the last place'\nset yrange [0.1:100]\nset ytics auto\nset format y '%g'\nunset key\n", plot);
-        else fprintf(plot, "set title 'missed, false and wrong hits'\nset ylabel 'of a million rays'\nset yrange [%g:1e9]\nset format y '%%g'\n"
-                           "set ytics ('none' %g, '0.1' 0.1, '1' 1, '10' 10, '100' 100, '1000' 1e3, '10 000' 1e4, '100 000' 1e5)\nset key top right\n",
+        else fprintf(plot, "set title 'missed, false and wrong hits'\nset ylabel 'of a million rays'\nset yrange [%g:1e6]\nset format y '%%g'\n"
+                           "set ytics ('none' %g, '0.1' 0.1, '1' 1, '10' 10, '100' 100, '1000' 1e3, '10 000' 1e4, '100 000' 1e5)\nset key center right\n",
                      floor_rate / 2, floor_rate);
         fputs("plot ", plot);
         for (group = 0; group < COUNT(hit_groups); group++) {
@@ -517,7 +517,7 @@ static bool put_page(FILE *html, const char *folder, const report *r, const sum_
     }
     processor_name(processor, sizeof processor);
     fputs(report_style, html);
-    fprintf(html, "<h1>rt.h: error against run time</h1>\n<p>%s, %s%s%s; %s; %.0f minutes on %d threads.</p>\n", processor,
+    fprintf(html, "<h1>rt.h: error against run time</h1>\n<p>%s, %s%s%s; compiler %s; %.0f minutes on %d threads.</p>\n", processor,
             isa_names[rt_best_isa()], r->device ? "; device: " : "", r->device ? r->device : "", __VERSION__, r->seconds / 60, r->threads);
     fprintf(html, "<p>Of %zu rays in %zu suites rt.h missed %zu hits, found %zu that are not there and %zu on a wrong primitive; of its %zu ways to trace, "
             "%zu differ from the first in a bit.</p>\n", rays, total_count, missed, false_hits, wrong, ways_ours, differ);
