@@ -2633,7 +2633,7 @@ static rt_status rti_gpu_find_programs(rti_gpu_picture *p, const rt_render_optio
 static size_t rti_gpu_work_bytes(const rti_gpu_frame *f)
 {
     const size_t waiting = f->waiting * (sizeof(rt_ray) + sizeof(rti_gpu_path));
-    return RTI_GPU_ALIGN + f->space * (sizeof(rti_gpu_pixel) + 2 * sizeof(rti_gpu_path) + (RTI_GPU_SURFACE + 1) * sizeof(float) + waiting);
+    return RTI_GPU_ALIGN + f->space * (sizeof(rti_gpu_pixel) + 2 * sizeof(rti_gpu_path) + RTI_GPU_SURFACE * sizeof(float) + waiting + sizeof(uint32_t));
 }
 
 /* Pixels of a tile at most: enough to keep the device busy, few enough that a CPU's caches hold some of it; and bytes. */
@@ -2758,8 +2758,7 @@ static rt_status rti_gpu_choose_pixels(rti_gpu_picture *p, int width, uint32_t *
 {
     void *const user = p->gpu->memory_user;
     const rti_gpu_frame *f = &p->frame;
-    const size_t space = f->space, bytes = RTI_GPU_ALIGN + space * (sizeof(rti_gpu_pixel) + 2 * sizeof(rti_gpu_path)) +
-        space * (RTI_GPU_SURFACE * sizeof(float) + f->waiting * (sizeof(rt_ray) + sizeof(rti_gpu_path)));
+    const size_t at = rti_gpu_work_bytes(f) - f->space * sizeof(uint32_t);          /* the last of rti_work */
     const uint32_t pixels = f->width * f->height, across = (f->width + 7) / 8, blocks = across * ((f->height + 7) / 8);
     uint32_t *starts = (uint32_t *)rti_alloc((size_t)p->samples + 1, sizeof *starts, user), *list = (uint32_t *)rti_alloc(pixels, sizeof *list, user);
     rt_status status = RT_OK;
@@ -2778,7 +2777,7 @@ static rt_status rti_gpu_choose_pixels(rti_gpu_picture *p, int width, uint32_t *
                 const uint32_t column = i % across * 8 + x, row = i / across * 8 + y, pixel = row * f->width + column;
                 if (column < f->width && row < f->height) list[--starts[rti_gpu_samples_of(p, pixel, width)]] = pixel;
             }                               /* now: where those of i begin, which is how many get more */
-    status = rti_gpu_send(&p->gpu->work->object, bytes, list, pixels * sizeof *list, "choosing pixels", p->error);
+    status = rti_gpu_send(&p->gpu->work->object, at, list, pixels * sizeof *list, "choosing pixels", p->error);
     rti_release(list, user);
     return status;
 }

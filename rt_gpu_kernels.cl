@@ -1409,9 +1409,9 @@ RTI_FN rt_light rti_light_of(const RTI_GLOBAL char *scene, const rti_gpu_frame *
 
 /* ---- steps: pictures, a sample of all pixels of a tile at a time ---------------------------------------------------- */
 
-/* look starts the eye rays, of the pixels' first samples with number 0; then, until no ray is left, rays are traced by the kernels of batches, meet finds the surfaces, aim sends shadow
-   rays to a light, which are traced, shine adds what the light does; bounce sends on what is mirrored or refracted. A pixel has one ray on
-   its way, the others wait: so its sum has the order that it has in rt.h. */
+/* look starts the eye rays, number 0 those of the pixels' first samples; then, until no ray is left, rays are traced by the kernels of batches,
+   meet finds the surfaces, aim sends shadow rays to a light, which are traced, shine adds what the light does; bounce sends on what is mirrored
+   or refracted. A pixel has one ray on its way, the others wait: so its sum has the order that it has in rt.h. */
 #if RTI_IN(STEPS)
 
 /* The memory of a tile: its pixels, the paths of the rays before and after a bounce, what is known of the surfaces they are on, number by

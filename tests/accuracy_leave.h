@@ -8,26 +8,6 @@ typedef struct { const char *name; uint64_t rays, wrong; double ns; bool ours; }
 typedef enum { SPAWN, ALONG_RAY, FIXED, ORIGINS } origin_kind;
 static const char *const origin_names[] = { "rt_spawn_origin", "org + t dir", "that + 1e-4 along the normal" };
 
-typedef struct { uint64_t state; } dice;    /* each chunk has its own: as many threads as there are */
-
-static double roll(dice *d)
-{
-    uint64_t x = d->state += 0x9e3779b97f4a7c15u;
-
-    x = (x ^ x >> 30) * 0xbf58476d1ce4e5b9u;
-    x = (x ^ x >> 27) * 0x94d049bb133111ebu;
-    return (double)((x ^ x >> 31) >> 11) * 0x1p-53;
-}
-
-static double roll_log(dice *d, double low, double high) { return pow(10, low + (high - low) * roll(d)); }
-
-static void roll_direction(dice *d, double out[3])
-{
-    const double z = 2 * roll(d) - 1, turn = 6.283185307179586 * roll(d), across = sqrt(1 - z * z);
-
-    out[0] = across * cos(turn), out[1] = across * sin(turn), out[2] = z;
-}
-
 static rt_vec3 to_vec(const double a[3])
 {
     const rt_vec3 v = { (float)a[0], (float)a[1], (float)a[2] };
@@ -66,7 +46,7 @@ static void leave_build(rt_accel **accel, const rt_geometry *geometry)
 }
 
 /* center, size: where rays are to go. */
-static void leave_make(leave_model *m, leave_kind which, dice *d, double center[3], double *size)
+static void leave_make(leave_model *m, leave_kind which, uint64_t *d, double center[3], double *size)
 {
     double low[3], high[3];
     int i, k;
@@ -173,7 +153,7 @@ typedef struct { leave_kind which; origin_kind how; uint64_t rays_each; uint64_t
 static void leave_one(void *context, size_t number)
 {
     const leave_job *work = context;
-    dice d = { number * 7919 + (uint64_t)work->which };
+    uint64_t d = number * 7919 + (uint64_t)work->which;     /* numbers of its own: as many threads as there are */
     double center[3], size, n[3], start;
     float transform[12], normals[9];
     const rt_accel *accel;
@@ -185,7 +165,7 @@ static void leave_one(void *context, size_t number)
     accel = m.accel ? m.accel : m.inner_accel;
     if (m.accel && !rt_instance_transform_at(accel, 0, m.time, transform, normals)) goto done;
     for (tries = 0; tries < 200; tries++) {
-        double from[3], at[3], dir[3], skewed[3], side;
+        double from[3], at[3], dir[3], side;
         rt_ray ray = { { 0, 0, 0 }, 0, { 0, 0, 0 }, INFINITY }, next = ray;
         const float *seen = m.accel ? transform : NULL;
         rt_hit hit;
@@ -201,19 +181,9 @@ static void leave_one(void *context, size_t number)
             double u = roll(&d), v = roll(&d) * (1 - u);
             for (k = 0; k < 3; k++) at[k] = (1 - u - v) * (double)m.vertices[k] + u * (double)m.vertices[3 + k] + v * (double)m.vertices[6 + k];
         }
+        to_world(seen, from);               /* where an instance shows them */
+        to_world(seen, at);
         for (k = 0; k < 3; k++) dir[k] = at[k] - from[k];
-        if (m.accel) {                      /* through the instance: where a point of it comes to */
-            for (k = 0; k < 3; k++) {
-                const float *to_row = transform + 4 * k;
-                skewed[k] = (double)to_row[0] * from[0] + (double)to_row[1] * from[1] + (double)to_row[2] * from[2] + (double)to_row[3];
-                dir[k] = (double)to_row[0] * dir[0] + (double)to_row[1] * dir[1] + (double)to_row[2] * dir[2];
-                if (k == 2) memcpy(from, skewed, sizeof from);
-            }
-            for (k = 0; k < 3; k++) {
-                const float *to_row = transform + 4 * k;
-                dir[k] = (double)to_row[0] * at[0] + (double)to_row[1] * at[1] + (double)to_row[2] * at[2] + (double)to_row[3] - from[k];
-            }
-        }
         ray.org = to_vec(from);
         ray.dir = to_vec(dir);
         hit = trace_at(accel, &ray, m.time);
@@ -243,7 +213,7 @@ done:
 }
 
 /* A closed box of 12 triangles, turned, scaled and moved. */
-static void box_make(leave_model *m, float vertices[24], uint32_t indices[36], dice *d, bool straight)
+static void box_make(leave_model *m, float vertices[24], uint32_t indices[36], uint64_t *d, bool straight)
 {
     static const unsigned char faces[6][4] = { { 0, 2, 3, 1 }, { 4, 5, 7, 6 }, { 0, 1, 5, 4 }, { 2, 6, 7, 3 }, { 0, 4, 6, 2 }, { 1, 3, 7, 5 } };
     const double scale = roll_log(d, -3, 3), away = roll(d) < 0.5 ? 1 : 1000;
@@ -282,7 +252,7 @@ static void box_make(leave_model *m, float vertices[24], uint32_t indices[36], d
 static void leak_one(void *context, size_t number)
 {
     const leave_job *work = context;
-    dice d = { number * 104729 + 5 };
+    uint64_t d = number * 104729 + 5;
     float vertices[24];
     uint32_t indices[36];
     double middle[3] = { 0, 0, 0 }, start;

@@ -103,7 +103,7 @@ static bool plot_end(FILE *plot) { return pclose(plot) == 0 || complain("gnuplot
 /* ---- >>hit-plots ---------------------------------------------------------------------------------------------------- */
 
 /* A way over all suites that peers could be measured on too. */
-typedef struct { const way *w; size_t rays, missed, false_hits, wrong, excused, compared, lost; double t_sum, t_most, part_most, uv_sum, uv_most, ns_sum, ns_count, log_sum,
+typedef struct { const way *w; size_t rays, missed, false_hits, wrong, excused, compared; double t_sum, t_most, part_most, uv_most, ns_sum, ns_count, log_sum,
                  log_count; bool same; } sum_row;
 
 /* Was every way timed there? Only such suites count where times are compared. */
@@ -142,9 +142,9 @@ static sum_row *sum_rows(void)
         last = r->suite;
         if (!counts) continue;
         to->rays += r->s.rays, to->missed += r->s.missed, to->false_hits += r->s.false_hits, to->wrong += r->s.wrong;
-        to->excused += r->s.excused, to->compared += r->s.compared, to->lost += r->s.lost;
+        to->excused += r->s.excused, to->compared += r->s.compared;
         to->t_sum += r->s.t.ulp_sum, to->t_most = fmax(to->t_most, r->s.t.ulp_most), to->part_most = fmax(to->part_most, r->s.t.part_most);
-        to->uv_sum += r->s.uv.sum, to->uv_most = fmax(to->uv_most, r->s.uv.most);
+        to->uv_most = fmax(to->uv_most, r->s.uv.most);
         to->same = to->same && r->same;
         if (timed) to->ns_sum += log(r->ns), to->ns_count++;
         if (r->s.compared) to->log_sum += log(mean(r->s.t.ulp_sum, r->s.compared) + 1e-3), to->log_count++;
@@ -358,41 +358,30 @@ static void put_hits(FILE *html, const sum_row *sums)
     fputs("</table>\n", html);
 }
 
-static const score *peer_score(const char *title, const char *name, score *sum)
-{
-    const size_t length = strlen(title);
-    size_t i;
-
-    memset(sum, 0, sizeof *sum);
-    for (i = 0; i < row_count; i++) {       /* rows of a title: its name, a place, its rays */
-        const char *rest = strstr(title, "; rays");
-        const size_t head = rest ? (size_t)(rest - title) : length;
-
-        if (rows[i].w->kind == PEER && strcmp(rows[i].w->name, name) == 0 && strncmp(rows[i].suite, title, head) == 0 &&
-            (rows[i].suite[head] == ' ' || rows[i].suite[head] == ';') && rest && strstr(rows[i].suite, rest)) add_score(sum, &rows[i].s);
-    }
-    return sum->rays ? sum : NULL;
-}
-
 static void put_suites(FILE *html)
 {
-    static const char *const peers[] = { "Embree", "Embree robust", "Moeller-Trumbore in floats" };
     size_t i, k;
 
-    fputs("<table>\n", html);
-    put_row(html, "th", "suite|places|rays|hits|rt.h: missed|false|wrong|ways|that differ|Embree: missed + false + wrong|Embree robust|Moeller-Trumbore");
+    fputs("<table>\n<tr><th>suite</th><th>places</th><th>rays</th><th>hits</th><th>rt.h: missed</th><th>false</th><th>wrong</th><th>ways</th>"
+          "<th>that differ</th>", html);
+    for (k = 0; k < way_count; k++)
+        if (ways[k].kind == PEER) fprintf(html, "<th>%s: missed + false + wrong</th>", ways[k].name);
+    fputs("</tr>\n", html);
     for (i = 0; i < total_count; i++) {
         const total *t = &totals[i];
-        char others[3][32];
+        char others[PEERS * 24] = "";
+        size_t length = 0, peer = 0;
 
-        for (k = 0; k < COUNT(peers); k++) {
-            score sum;
+        for (k = 0; k < way_count; k++) {
+            const score *p = &t->peers[peer];
 
-            if (peer_score(t->suite, peers[k], &sum)) snprintf(others[k], sizeof *others, "%zu", sum.missed + sum.false_hits + sum.wrong);
-            else snprintf(others[k], sizeof *others, "-");
+            if (ways[k].kind != PEER) continue;
+            if (p->rays) length += (size_t)snprintf(others + length, sizeof others - length, "|%zu", p->missed + p->false_hits + p->wrong);
+            else length += (size_t)snprintf(others + length, sizeof others - length, "|-");
+            peer++;
         }
-        put_row(html, "td", "%s|%zu|%zu|%zu|%zu|%zu|%zu|%zu|%zu|%s|%s|%s", t->suite, t->places, t->ours.rays, t->ours.hits, t->ours.missed,
-                t->ours.false_hits, t->ours.wrong, t->ways, t->differ, others[0], others[1], others[2]);
+        put_row(html, "td", "%s|%zu|%zu|%zu|%zu|%zu|%zu|%zu|%zu%s", t->suite, t->places, t->ours.rays, t->ours.hits, t->ours.missed,
+                t->ours.false_hits, t->ours.wrong, t->ways, t->differ, others);
     }
     fputs("</table>\n", html);
 }
@@ -452,20 +441,19 @@ static void put_times(FILE *html, const report *r)
 static void put_refining(FILE *html, const refine_study *study)
 {
     size_t n;
-    int which, i;
+    int which;
 
     fputs("<table>\n", html);
     put_row(html, "th", "scene|way|samples|seconds|error|estimated|adaptive: times less|possible, samples");
     for (n = 0; n < STAGES; n++)
-        for (which = 0; which < REFINE_KINDS; which++)
-            for (i = study->counts[n][which] - 1; i < study->counts[n][which]; i++) {
-                const refine_point *p = &study->points[n][which][i];
-                char more[64] = "|", estimate[32] = "-";
+        for (which = 0; which < REFINE_KINDS; which++) {
+            const refine_point *p = &study->points[n][which][study->counts[n][which] - 1];
+            char more[64] = "|", estimate[32] = "-";
 
-                if (which == ADAPTIVE) snprintf(more, sizeof more, "%.2f|%.2f", study->gains[n], study->room[n]);
-                if (which != ONE_SEQUENCE) snprintf(estimate, sizeof estimate, "%.6f", p->estimate);
-                put_row(html, "td", "%s|%s|%.1f|%.3f|%.6f|%s|%s", stage_kinds[n].name, refine_names[which], p->samples, p->seconds, p->rmse, estimate, more);
-            }
+            if (which == ADAPTIVE) snprintf(more, sizeof more, "%.2f|%.2f", study->gains[n], study->room[n]);
+            if (which != ONE_SEQUENCE) snprintf(estimate, sizeof estimate, "%.6f", p->estimate);
+            put_row(html, "td", "%s|%s|%.1f|%.3f|%.6f|%s|%s", stage_kinds[n].name, refine_names[which], p->samples, p->seconds, p->rmse, estimate, more);
+        }
     fputs("</table>\n", html);
 }
 

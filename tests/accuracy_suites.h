@@ -233,23 +233,29 @@ static bool is_astray(const suite *s, const rt_ray *ray, const rt_hit *hit)
 
 /* ---- >>models ------------------------------------------------------------------------------------------------------- */
 
-static uint64_t random_seed;
-
-static double unit(void)                    /* [0,1) */
+/* Numbers in [0,1) by chance; each thread may have a state of its own. */
+static double roll(uint64_t *state)
 {
-    uint64_t x = random_seed += 0x9e3779b97f4a7c15u;
+    uint64_t x = *state += 0x9e3779b97f4a7c15u;
 
     x = (x ^ x >> 30) * 0xbf58476d1ce4e5b9u;
     x = (x ^ x >> 27) * 0x94d049bb133111ebu;
     return (double)((x ^ x >> 31) >> 11) * 0x1p-53;
 }
 
-static void any_direction(double out[3])
+static double roll_log(uint64_t *state, double low, double high) { return pow(10, low + (high - low) * roll(state)); }
+
+static void roll_direction(uint64_t *state, double out[3])
 {
-    const double z = 2 * unit() - 1, turn = 6.283185307179586 * unit(), across = sqrt(1 - z * z);
+    const double z = 2 * roll(state) - 1, turn = 6.283185307179586 * roll(state), across = sqrt(1 - z * z);
 
     out[0] = across * cos(turn), out[1] = across * sin(turn), out[2] = z;
 }
+
+static uint64_t random_seed;                /* of models and rays, which one thread makes */
+
+static double unit(void) { return roll(&random_seed); }
+static void any_direction(double out[3]) { roll_direction(&random_seed, out); }
 
 static void model_free(model *m)
 {
@@ -352,7 +358,7 @@ static void add_sphere(model *m, const double center[3], double radius)
     to->radius = (float)radius;
 }
 
-static double power_of_ten(double low, double high) { return pow(10, low + (high - low) * unit()); }
+static double power_of_ten(double low, double high) { return roll_log(&random_seed, low, high); }
 
 /* The middle and the radius, once the rest is there. */
 static void model_measure(model *m)
@@ -835,15 +841,16 @@ typedef struct {
     double from[3], at[3];                  /* where they start; around what those at random go */
 } bundle;
 
-static void to_world(const bundle *b, double at[3])
+/* transform NULL: where it is. */
+static void to_world(const float *transform, double at[3])
 {
     double out[3];
     int k;
 
-    if (!b->transform) return;
+    if (!transform) return;
     for (k = 0; k < 3; k++)
-        out[k] = (double)b->transform[4 * k] * at[0] + (double)b->transform[4 * k + 1] * at[1] + (double)b->transform[4 * k + 2] * at[2] +
-                 (double)b->transform[4 * k + 3];
+        out[k] = (double)transform[4 * k] * at[0] + (double)transform[4 * k + 1] * at[1] + (double)transform[4 * k + 2] * at[2] +
+                 (double)transform[4 * k + 3];
     memcpy(at, out, sizeof out);
 }
 
@@ -887,7 +894,7 @@ static void aim_at(const bundle *b, aim how, const double org[3], double at[3])
     if (w[0] + w[1] > 1) w[0] = 1 - w[0], w[1] = 1 - w[1];
     w[2] = 1 - w[0] - w[1];
     for (k = 0; k < 3; k++) at[k] = w[0] * corner(b->m, prim, 0, k) + w[1] * corner(b->m, prim, 1, k) + w[2] * corner(b->m, prim, 2, k);
-    to_world(b, at);
+    to_world(b->transform, at);
 }
 
 static void start_bundle(const suite *s, bool order, bundle *b)
@@ -908,7 +915,7 @@ static void start_bundle(const suite *s, bool order, bundle *b)
     if (top->child) {
         b->transform = top->instances[(size_t)(unit() * (double)top->instance_count)].transform;
         memcpy(center, top->child->center, sizeof center);
-        to_world(b, center);
+        to_world(b->transform, center);
         for (k = 0, size = 0; k < 12; k++) size += k % 4 == 3 ? 0 : fabs((double)b->transform[k]);
         if (unit() < 0.2) size = top->radius;
     }

@@ -9357,6 +9357,20 @@ static void rtt_test_refine_failure(void)
     }
 }
 
+/* render refuses each of those options with that word, and leaves no picture. */
+static void rtt_check_refusals(const char *const (*bad)[2], size_t count)
+{
+    char said[4096], command[2048], picture[512];
+
+    snprintf(picture, sizeof picture, "%s", loader_path("refused.ppm"));
+    for (size_t i = 0; i < count; i++) {
+        snprintf(command, sizeof command, "cornell -o '%s' --size 8x8 %s", picture, bad[i][0]);
+        CHECK(rtt_run_program("render", command, said, sizeof said) != 0);
+        if (!strstr(said, bad[i][1]) || access(picture, F_OK) == 0)
+            rtt_fail("render %s: %s", bad[i][0], said);
+    }
+}
+
 /* render --report, --error, --time and --adaptive. */
 static void rtt_test_report(void)
 {
@@ -9375,13 +9389,7 @@ static void rtt_test_report(void)
         return;                             /* as animate */
     snprintf(base, sizeof base, "%s", loader_path("r"));
     snprintf(csv, sizeof csv, "%s.csv", base);
-    for (size_t i = 0; i < RTT_COUNT(bad); i++) {
-        snprintf(command, sizeof command, "cornell -o '%sx.ppm' --size 8x8 %s", base, bad[i][0]);
-        CHECK(rtt_run_program("render", command, said, sizeof said) != 0);
-        snprintf(command, sizeof command, "%sx.ppm", base);
-        if (!strstr(said, bad[i][1]) || access(command, F_OK) == 0)
-            rtt_fail("render %s: %s", bad[i][0], said);
-    }
+    rtt_check_refusals(bad, RTT_COUNT(bad));
     for (size_t i = 0; i < RTT_COUNT(runs); i++) {
         double spp = 0, seconds = 0, rays = 0, error = 0, relative, last[3] = { 0, 0, 0 };
         FILE *file;
@@ -9450,13 +9458,7 @@ static void rtt_test_gpu_programs(void)
         if (!rtt_same_files("g0.ppm", "g1.ppm"))
             rtt_fail("render %s: another picture on the device", scenes[i]);
     }
-    for (size_t i = 0; i < RTT_COUNT(bad); i++) {
-        snprintf(command, sizeof command, "cornell -o '%sx.ppm' --size 8x8 %s", base, bad[i][0]);
-        CHECK(rtt_run_program("render", command, said, sizeof said) != 0);
-        snprintf(command, sizeof command, "%sx.ppm", base);
-        if (!strstr(said, bad[i][1]) || access(command, F_OK) == 0)
-            rtt_fail("render %s: %s", bad[i][0], said);
-    }
+    rtt_check_refusals(bad, RTT_COUNT(bad));
     snprintf(command, sizeof command, "cornell -o '%sx.ppm' --size 40x30 --gpu", base);
     CHECK(rtt_run_program("render", command, said, sizeof said) == 0 && strstr(said, "device ") && strstr(said, "Mrays/s"));
     loader_clear();
