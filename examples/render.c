@@ -666,7 +666,7 @@ static int next_samples(const options *o, const refinement *r, refine_log *log)
     if (last && o->error > 0 && last->error <= (double)o->error) return log->why = "--error", 0;
     if (last && o->error > 0 && last->error > 0) next = fmin(next, now + ceil(1.05 * (refine_needs(r, (double)o->error) - now) / step) * step);
     if (next > o->spp) next = o->spp;
-    if (last && o->seconds > 0) {
+    if (now >= 2 && o->seconds > 0) {    /* one half alone tells nothing of its error: there are two at least */
         const double before = log->count > 1 ? last[-1].seconds : 0, had = log->count > 1 ? last[-1].samples : 0;
         const double room = ((double)o->seconds - last->seconds) * 0.97 * (last->samples - had) / (last->seconds - before);
 
