@@ -5079,18 +5079,6 @@ static double rti_blur(const rti_anchor *s, const float m[12], const double inve
     return sum;
 }
 
-#if RTI_SPHERES || RTI_PLANES
-/* From beside the point to where normal points, so far that the product with it becomes distance. */
-static void rti_drop(double point[3], const double from[3], const double normal[3], double distance)
-{
-    double off[3], missing;
-    int k;
-    for (k = 0; k < 3; k++) off[k] = point[k] - from[k];
-    missing = distance - rti_dot3(off, normal);
-    for (k = 0; k < 3; k++) point[k] += rti_round(missing * normal[k]);
-}
-#endif
-
 /* The inverse of m's 3x3. */
 static void rti_undo(const float m[12], double inverse[9])
 {
@@ -5156,8 +5144,7 @@ RT_API rt_vec3 rt_spawn_origin(const rt_geometry *geo, const float transform[12]
         nearest += (double)hit->t < nearest ? -half : half;             /* t again: of a small sphere afar, a float is far from it */
         for (k = 0; k < 3; k++) s.normal[k] = rti_round(nearest * dirs[1][k]) - to[k];
         (void)rti_unit3(s.normal);
-        memcpy(s.point, center, sizeof s.point);
-        rti_drop(s.point, center, s.normal, (double)ball->radius);
+        for (k = 0; k < 3; k++) s.point[k] = center[k] + rti_round((double)ball->radius * s.normal[k]);
         s.bound = 1e-12 * (double)ball->radius + rti_blur(&s, transform, inverse, blur);
         within = (double)ball->radius;      /* at most to the centre */
     }
@@ -5166,11 +5153,12 @@ RT_API rt_vec3 rt_spawn_origin(const rt_geometry *geo, const float transform[12]
     else {
         const rt_plane *plane = &geo->planes[hit->prim - triangles - rti_sphere_count(geo) - rti_instance_count(geo)];
         const double point[3] = { (double)plane->point.x, (double)plane->point.y, (double)plane->point.z };
-        double off[3];
+        double off[3], above;
         s.normal[0] = (double)plane->normal.x, s.normal[1] = (double)plane->normal.y, s.normal[2] = (double)plane->normal.z;
         (void)rti_unit3(s.normal);
-        rti_drop(s.point, point, s.normal, 0);
         for (k = 0; k < 3; k++) off[k] = s.point[k] - point[k];
+        above = rti_dot3(off, s.normal);
+        for (k = 0; k < 3; k++) s.point[k] -= rti_round(above * s.normal[k]);
         s.bound = 1e-12 * sqrt(rti_dot3(off, off)) + rti_blur(&s, transform, inverse, blur);
     }
 #endif
