@@ -431,8 +431,9 @@ RT_API rt_isa rt_best_isa(void);
    regularly then, alike in every pixel, so that nothing is noisy where nothing is distributed.
    INDEPENDENT   a hash of all arguments: errors fall as n^-1/2
    STRATIFIED    one sample in each of n cells, a grid in 2D, in shuffled order
-   SOBOL         Owen-scrambled Sobol' points, shuffled for each dimension (Burley 2020): every power of two of them is stratified in all
-                 ways at once; on smooth integrands errors fall as n^-3/2 */
+   SOBOL         Owen-scrambled Sobol' points, shuffled (Burley 2020): 2^m of them, from any multiple of 2^m on, are stratified in all ways
+                 at once, and so are 4^m in the four numbers of dimensions 2k and 2k + 1, and 16^m in the sixteen of dimensions 8k to
+                 8k + 7; on smooth integrands errors fall as n^-3/2 */
 #define RT_SAMPLER_LIST(X) X(RT_SAMPLER_AUTO, "auto") X(RT_SAMPLER_INDEPENDENT, "independent") X(RT_SAMPLER_STRATIFIED, "stratified") \
                            X(RT_SAMPLER_SOBOL, "sobol")
 typedef enum { RT_SAMPLER_LIST(RTI_ENUM) RT_SAMPLER_COUNT } rt_sampler_kind;
@@ -446,8 +447,9 @@ typedef struct {
     uint32_t seed, frame;                   /* each gives new numbers */
 } rt_sampler;
 
-/* Number `sample`, below spp, of a pixel and a dimension. Dimensions are independent of each other, those of one call of rt_sample_2d are
-   stratified together. Any pixel, sample, dimension, frame and seed is legal, in any order: nothing is kept. O(1). */
+/* Number `sample`, below spp, of a pixel and a dimension. Dimensions are independent of each other, but that SOBOL's are stratified together
+   as above: what matters most together belongs in 2k and 2k + 1. The numbers of one call of rt_sample_2d are always stratified together.
+   Any pixel, sample, dimension, frame and seed is legal, in any order: nothing is kept. O(1). */
 RT_API float rt_sample_1d(const rt_sampler *sampler, uint32_t x, uint32_t y, uint32_t sample, uint32_t dimension);
 RT_API void rt_sample_2d(const rt_sampler *sampler, uint32_t x, uint32_t y, uint32_t sample, uint32_t dimension, float point[2]);
 
@@ -5198,14 +5200,13 @@ static uint32_t rti_hash_next(uint32_t hash, uint32_t x) { return rti_hash(hash 
 static float rti_unit_float(uint32_t x) { return (float)(x >> 8) * (1.0f / 16777216); }
 )
 
-/* All that tells one set of samples from another. */
+/* What tells the numbers of one pixel from another's; with the dimension, all that tells one set of samples from another. */
 RTI_SHARED(
-static uint32_t rti_sample_key(const rt_sampler *sampler, uint32_t x, uint32_t y, uint32_t dimension)
+static uint32_t rti_pixel_key(const rt_sampler *sampler, uint32_t x, uint32_t y)
 {
     uint32_t hash = rti_hash_next(rti_hash(sampler->seed), sampler->frame);
     hash = rti_hash_next(hash, x);
-    hash = rti_hash_next(hash, y);
-    return rti_hash_next(hash, dimension);
+    return rti_hash_next(hash, y);
 }
 )
 
@@ -5251,50 +5252,95 @@ RTI_INLINE uint32_t rti_reverse(uint32_t x)
 }
 )
 
-/* Owen's scrambling: whether a bit is flipped depends on all that are above it. On reversed bits a product, and a sum, carry upwards only;
-   so does what is xored with an even product (Laine and Karras 2011). */
+/* Owen's scrambling of reversed bits: whether one is flipped depends on all that are below it, since a product, and a sum, carry upwards
+   only; so does what is xored with an even product (Laine and Karras 2011). */
 RTI_SHARED(
 RTI_INLINE uint32_t rti_owen(uint32_t x, uint32_t key)
 {
-    x = rti_reverse(x);
     x ^= x * 0x3c6ef372u;
     x += key;
     x *= key >> 15 | 1;
     x ^= x * 0x1b56c4eau;
     x ^= x * 0xa54ff53au;
     x *= key << 1 | 1;
-    x ^= x * 0x510e527eu;
-    return rti_reverse(x);
+    return x ^ x * 0x510e527eu;
 }
 )
 
-/* Point i of the first two dimensions of Sobol''s sequence, of which the first is van der Corput's. */
+/* Sobol' points in sixteen dimensions at once. Digits of a sample's number, as a vector, times the matrix of a dimension are the digits of its
+   coordinate. All matrices are Pascal's triangle, of blocks (c over r) a^(c - r). a = 0, 1 in the field of two elements are the two
+   dimensions of Sobol', the first of them van der Corput's, of which 2^m points lie in as many fields, whatever the fields' shape. The
+   four a of the field of four, 0, 1, w, w + 1, are Faure's, of which 4^m points do so in four dimensions, and those of the field of sixteen,
+   16^m in sixteen. All three hold at once for the matrices 1, P, W, PW, A, PA, WA, PWA and so on, where P is Pascal's for 1, W for w, and A for
+   three elements of the field of sixteen: but for an order within digits P is also that of the larger fields for 1, and W that of the
+   largest for w, and the triangles of a and b multiply to that of a + b (after Ahmed et al. 2024). As c over r is odd where the bits of r
+   are among those of c, a triangle is a product of steps, one for each bit of c - r. */
 RTI_SHARED(
-static uint32_t rti_sobol_second(uint32_t i)
+RTI_INLINE uint32_t rti_pascal(uint32_t x)
 {
-    uint32_t x = 0, direction = 0x80000000u;
-    for (; i; i >>= 1, direction ^= direction >> 1)
-        if (i & 1) x ^= direction;
-    return x;
+    x ^= x >> 1 & 0x55555555u;
+    x ^= x >> 2 & 0x33333333u;
+    x ^= x >> 4 & 0x0f0f0f0fu;
+    x ^= x >> 8 & 0x00ff00ffu;
+    return x ^ x >> 16;
 }
+/* Digits of four bits times an element of the field of sixteen, of which bits stand for 1, w, g and w g: w^2 = w + 1, g^2 = g + w. 1 and
+   w take digits of two bits, of the field of four, as well. */
+RTI_INLINE uint32_t rti_times_w(uint32_t x)
+{
+    const uint32_t low = x & 0x55555555u, high = x >> 1 & 0x55555555u;
+    return high | (low ^ high) << 1;
+}
+RTI_INLINE uint32_t rti_times(uint32_t x, uint32_t element)
+{
+    const uint32_t low = x & 0x33333333u, high = x >> 2 & 0x33333333u, by_g = rti_times_w(high) | (low ^ high) << 2;
+    uint32_t y = element & 1 ? x : 0;
+    if (element & 2) y ^= rti_times_w(x);
+    if (element & 4) y ^= by_g;
+    if (element & 8) y ^= rti_times_w(by_g);
+    return y;
+}
+RTI_INLINE uint32_t rti_pascal_w(uint32_t x)
+{
+    x ^= rti_times(x >> 2 & 0x33333333u, 2);
+    x ^= rti_times(x >> 4 & 0x0f0f0f0fu, 3);
+    x ^= rti_times(x >> 8 & 0x00ff00ffu, 2);
+    return x ^ rti_times(x >> 16, 3);
+}
+/* For w^2 g + w, w g or g + w, which are, with 0, those of which two dimensions are the least alike where no 16^m points are complete. */
+RTI_INLINE uint32_t rti_pascal_16(uint32_t x, uint32_t which)
+{
+    const uint32_t powers = which == 1 ? 0xd8eu : which == 2 ? 0xad8u : 0x756u;        /* a^4, a^2, a */
+    x ^= rti_times(x >> 4 & 0x0f0f0f0fu, powers);
+    x ^= rti_times(x >> 8 & 0x00ff00ffu, powers >> 4);
+    return x ^ rti_times(x >> 16, powers >> 8);
+}
+/* Sample i is that one of the points. Eight dimensions, of two numbers each, are shuffled alike. */
+RTI_INLINE uint32_t rti_shuffle_sobol(uint32_t i, uint32_t pixel_key, uint32_t dimension)
+{
+    i = rti_reverse(rti_owen(rti_reverse(i), rti_hash_next(pixel_key, dimension >> 3)));
+    if (dimension & 6) i = rti_pascal_16(i, dimension >> 1 & 3);
+    return dimension & 1 ? rti_pascal_w(i) : i;
+}
+RTI_INLINE float rti_sobol(uint32_t x, uint32_t key) { return rti_unit_float(rti_reverse(rti_owen(x, key))); }
 )
 
 RTI_SHARED(
 static float rti_sample_1d(const rt_sampler *sampler, uint32_t x, uint32_t y, uint32_t sample, uint32_t dimension)
 {
-    const uint32_t key = rti_sample_key(sampler, x, y, dimension), n = sampler->spp ? sampler->spp : 1;
+    const uint32_t pixel_key = rti_pixel_key(sampler, x, y), key = rti_hash_next(pixel_key, dimension), n = sampler->spp ? sampler->spp : 1;
     if (sampler->kind == RT_SAMPLER_INDEPENDENT) return rti_unit_float(rti_hash_next(key, sample));
     if (sampler->kind == RT_SAMPLER_STRATIFIED) {
         const float u = ((float)rti_shuffle(sample % n, n, key) + rti_unit_float(rti_hash_next(key, sample))) / (float)n;
         return u < 1 ? u : 0.99999994f;
     }
-    return rti_unit_float(rti_owen(rti_reverse(rti_owen(sample, key)), rti_hash_next(key, 0)));
+    return rti_sobol(rti_shuffle_sobol(sample, pixel_key, dimension), rti_hash_next(key, 0));
 }
 )
 RTI_SHARED(
 static void rti_sample_2d(const rt_sampler *sampler, uint32_t x, uint32_t y, uint32_t sample, uint32_t dimension, float point[2])
 {
-    const uint32_t key = rti_sample_key(sampler, x, y, dimension), n = sampler->spp ? sampler->spp : 1;
+    const uint32_t pixel_key = rti_pixel_key(sampler, x, y), key = rti_hash_next(pixel_key, dimension), n = sampler->spp ? sampler->spp : 1;
     int k;
     if (sampler->kind == RT_SAMPLER_INDEPENDENT) {
         const uint32_t hash = rti_hash_next(key, sample);
@@ -5314,9 +5360,9 @@ static void rti_sample_2d(const rt_sampler *sampler, uint32_t x, uint32_t y, uin
         point[1] = ((float)(row * columns + rti_shuffle(s % columns, across, rti_hash_next(key ^ 0x68bc21ebu, row))) +
                     rti_unit_float(rti_hash_next(hash, 1))) / (float)n;
     } else {
-        const uint32_t i = rti_owen(sample, key);
-        point[0] = rti_unit_float(rti_owen(rti_reverse(i), rti_hash_next(key, 0)));
-        point[1] = rti_unit_float(rti_owen(rti_sobol_second(i), rti_hash_next(key, 1)));
+        const uint32_t i = rti_shuffle_sobol(sample, pixel_key, dimension);
+        point[0] = rti_sobol(i, rti_hash_next(key, 0));
+        point[1] = rti_sobol(rti_pascal(i), rti_hash_next(key, 1));
     }
     for (k = 0; k < 2; k++)                 /* what rounding has made 1 */
         if (!(point[k] < 1)) point[k] = 0.99999994f;
@@ -6550,6 +6596,7 @@ RTI_SHARED(
     bool spread;                            /* samples lie anywhere in the filter, not regularly in the pixel */
     bool timed;                             /* rays have times that matter, from open, for length */
     float open, length;
+    uint32_t light_pairs;                   /* of numbers, for lights, see rti_draw */
 )
 #endif
 RTI_SHARED(
@@ -6857,14 +6904,17 @@ RTI_SHARED(
 
 #if RTI_SAMPLING
 
-/* Dimensions of a branch of the tree. */
+/* A branch of the tree takes pairs of numbers in this order: its start, if it is an eye ray's, from the pixel, the lens and the time, as far
+   as they matter; lights, one each; lobes. What comes first is stratified together with what comes next: a pixel with its lens or light. */
 RTI_SHARED(
-enum { RTI_ON_PIXEL, RTI_ON_LENS, RTI_IN_TIME, RTI_ON_LOBE, RTI_ON_LIGHTS };    /* the lights: one each */
-
-static void rti_draw(const rti_film *film, const rti_path *path, uint32_t dimension, float u[2])
+static void rti_draw(const rti_film *film, const rti_path *path, uint32_t pair, float u[2])
 {
     const uint32_t x = film->left + path->pixel % film->side, y = film->top + path->pixel / film->side;
-    rti_sample_2d(&film->sampler, x, y, film->sample, path->branch * 0x9e3779b1u + dimension, u);
+    rti_sample_2d(&film->sampler, x, y, film->sample, path->branch * 0xf1bbcd88u + pair, u);        /* a multiple of 8 */
+}
+static uint32_t rti_pairs_of_start(const rti_film *film, const rti_path *path)
+{
+    return path->branch > 1 ? 0 : (uint32_t)film->spread + (uint32_t)film->lens.open + (uint32_t)film->timed;
 }
 )
 
@@ -6892,11 +6942,11 @@ static rt_vec3 rti_on_lobe(rt_vec3 axis, float n, const float u[2])
 
 /* The same for a rough surface; what would go to the wrong side of it is mirrored to the right one, so that nothing is lost. */
 RTI_SHARED(
-static rt_vec3 rti_roughen(const rti_film *film, const rti_path *path, uint32_t dimension, float roughness, rt_vec3 dir, rt_vec3 geometric,
+static rt_vec3 rti_roughen(const rti_film *film, const rti_path *path, uint32_t lobe, float roughness, rt_vec3 dir, rt_vec3 geometric,
                            float side)
 {
     float u[2], off;
-    rti_draw(film, path, dimension, u);
+    rti_draw(film, path, rti_pairs_of_start(film, path) + film->light_pairs + lobe, u);
     dir = rti_on_lobe(rti_normalize(dir), 2 / (roughness * roughness) - 2, u);
     off = rti_dot(dir, geometric) * side;
     return off < 0 ? rti_sub(dir, rti_scale(geometric, 2 * off * side)) : dir;
@@ -7032,7 +7082,7 @@ static float rti_sample_light(const rti_film *film, const rti_path *path, const 
 {
     const rt_vec3 from = rti_get(lanes, RTI_POINT);
     float u[2], share;
-    rti_draw(film, path, RTI_ON_LIGHTS + number, u);
+    rti_draw(film, path, rti_pairs_of_start(film, path) + number, u);
     rti_put(lanes, RTI_TO_LIGHT, light->radius > 0 ? rti_on_sphere(light, from, u, &share) : rti_on_rectangle(light, from, u, &share));
     return share;
 }
@@ -7125,7 +7175,7 @@ RTI_NOINLINE unsigned rti_bounce_off(const rti_film *film, const rti_path *path,
 )
 #if RTI_SAMPLING
 RTI_SHARED(
-            if (RTI_SHOWS(ROUGHNESS) && material->roughness > 0) bent = rti_roughen(film, path, RTI_ON_LOBE + 0x10000u, material->roughness, bent, geometric, -1);
+            if (RTI_SHOWS(ROUGHNESS) && material->roughness > 0) bent = rti_roughen(film, path, 1, material->roughness, bent, geometric, -1);
 )
 #endif
 RTI_SHARED(
@@ -7139,7 +7189,7 @@ RTI_SHARED(
 )
 #if RTI_SAMPLING
 RTI_SHARED(
-        if (RTI_SHOWS(ROUGHNESS) && material->roughness > 0) mirror = rti_roughen(film, path, RTI_ON_LOBE, material->roughness, mirror, geometric, 1);
+        if (RTI_SHOWS(ROUGHNESS) && material->roughness > 0) mirror = rti_roughen(film, path, 0, material->roughness, mirror, geometric, 1);
 )
 #endif
 RTI_SHARED(
@@ -7227,18 +7277,19 @@ static float rti_filtered(rt_filter filter, float u)
 RTI_SHARED(
 RTI_INLINE void rti_spread(const rti_film *film, rti_path *path, rt_ray *ray)
 {
+    uint32_t pair = 0;
     float u[2];
     if (film->spread) {
-        rti_draw(film, path, RTI_ON_PIXEL, u);
+        rti_draw(film, path, pair++, u);
         *ray = rti_view_ray(&film->view, (float)(film->left + path->pixel % film->side) + rti_filtered(film->filter, u[0]),
                             (float)(film->top + path->pixel / film->side) + rti_filtered(film->filter, u[1]));
     }
     if (film->lens.open) {
-        rti_draw(film, path, RTI_ON_LENS, u);
+        rti_draw(film, path, pair++, u);
         rti_through_lens(&film->lens, u, ray);
     }
     if (film->timed && film->length > 0) {
-        rti_draw(film, path, RTI_IN_TIME, u);
+        rti_draw(film, path, pair, u);
         path->time = film->open + rti_keepf(film->length * u[0]);
     }
 }
@@ -7730,8 +7781,16 @@ static bool rti_moves(const rt_accel *accel)
 #endif
 }
 
-static void rti_set_distribution(rti_film *film, const rt_camera *camera, bool moves, const rt_render_options *opt, int spp)
+/* Up to the last light with a size. */
+static uint32_t rti_light_pairs(const rt_light *lights, size_t count)
 {
+    while (count && !rti_has_size(&lights[count - 1])) count--;
+    return (uint32_t)count;
+}
+
+static void rti_set_distribution(rti_film *film, const rt_camera *camera, bool moves, uint32_t light_pairs, const rt_render_options *opt, int spp)
+{
+    film->light_pairs = light_pairs;
     film->sampler.kind = opt->sampler;
     film->sampler.spp = (uint32_t)spp;
     film->sampler.seed = opt->seed;
@@ -7844,7 +7903,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
     r.job.times = NULL;
 #if RTI_SAMPLING
     r.wanted = opt->counts;
-    rti_set_distribution(&r.film, &scene->camera, rti_moves(scene->accel), opt, r.spp);
+    rti_set_distribution(&r.film, &scene->camera, rti_moves(scene->accel), rti_light_pairs(scene->lights, scene->light_count), opt, r.spp);
 #endif
     if (opt->trace.packet_width > RTI_BLOCK) rti_render_large(&r, tile, opt->width, pixels);
     else rti_render_small(&r, tile, opt->width, pixels);

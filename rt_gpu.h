@@ -2086,6 +2086,7 @@ struct rt_gpu_scene {
     rt_camera camera;
     rt_vec3 ambient, background;
     uint32_t lights, light_count;           /* lights: where they are, in units of RTI_GPU_ALIGN */
+    uint32_t light_pairs;                   /* see rti_light_pairs of rt.h */
     uint32_t shows;                         /* bits by rti_gpu_things */
     bool moves, shiny;                      /* shiny: something mirrors or refracts */
     size_t triangles, spheres, instances;   /* of the outermost, for rasters */
@@ -2383,14 +2384,11 @@ static rt_status rti_gpu_send_scene(const rti_gpu_album *a, rt_gpu_scene *there,
 /* What is the same for all pictures of a scene. */
 static void rti_gpu_describe_scene(const rti_gpu_album *a, const rt_scene *scene, rt_gpu_scene *there)
 {
-#if RTI_SAMPLING
-    size_t i;
-#endif
     there->shows = a->shows;
     there->shiny = a->shiny;
 #if RTI_SAMPLING
-    for (i = 0; i < scene->light_count; i++)
-        if (rti_has_size(&scene->lights[i])) there->shows |= RTI_GPU_SHOWS_LAMPS;
+    there->light_pairs = rti_light_pairs(scene->lights, scene->light_count);
+    if (there->light_pairs) there->shows |= RTI_GPU_SHOWS_LAMPS;
     there->moves = rti_moves(scene->accel);
 #endif
     there->camera = scene->camera;
@@ -2587,7 +2585,8 @@ static void rti_gpu_set_frame(rti_gpu_picture *p, const rt_render_options *opt)
     f->waiting = scene->shows & RTI_GPU_SHOWS_GLASS ? f->depth : 0;        /* what only mirrors sends one ray on */
     f->lights = scene->lights;
 #if RTI_SAMPLING
-    rti_set_distribution(&film, &scene->camera, scene->moves, opt, p->spp);
+    rti_set_distribution(&film, &scene->camera, scene->moves, scene->light_pairs, opt, p->spp);
+    f->light_pairs = film.light_pairs;
     f->lens_right = film.lens.right;
     f->lens_down = film.lens.down;
     f->rfocus = film.lens.rfocus;

@@ -1074,7 +1074,7 @@ typedef struct {
     rt_vec3 view[4], lens_right, lens_down, ambient, background;
     float rfocus, open, length, angle, dx, dy;
     uint32_t left, top, width, height;      /* of the tile */
-    uint32_t sample, spp, seed, frame, sampler, filter, lens_open, timed, spread;
+    uint32_t sample, spp, seed, frame, sampler, filter, lens_open, timed, spread, light_pairs;
     uint32_t chosen;                        /* the pixels with rays are listed */
     uint32_t depth, space, waiting;         /* pixels that there is room for, and for how many rays that wait for each of them */
     uint32_t lights;                        /* where they are, as the arrays of an accel */
@@ -1086,7 +1086,7 @@ typedef struct { float lo[2], hi[2], depth; } rti_gpu_span;
 typedef struct {                            /* rt_raster: see rti_span and rti_level of rt.h; arrays as those of an accel */
     uint32_t level_count, shifts[17], columns[17], firsts[17], triangle_count, solid_count, spans, starts, entries, slots;
 } rti_gpu_raster;
-typedef char rti_check_frame[sizeof(rti_gpu_frame) == 192 ? 1 : -1];
+typedef char rti_check_frame[sizeof(rti_gpu_frame) == 196 ? 1 : -1];
 typedef char rti_check_pixel[sizeof(rti_gpu_pixel) == 28 ? 1 : -1];
 typedef char rti_check_path[sizeof(rti_gpu_path) == 36 ? 1 : -1];
 typedef char rti_check_span[sizeof(rti_gpu_span) == 20 ? 1 : -1];
@@ -1295,6 +1295,7 @@ RTI_SHARED(
     film->timed = RTI_TIMED;
     film->open = frame->open;
     film->length = frame->length;
+    film->light_pairs = frame->light_pairs;
 )
 #endif
 RTI_SHARED(

@@ -651,8 +651,8 @@ static line moved_aside(const line *l, double across[2][3], double away, int i)
     return aside;
 }
 
-/* Does a line beside pass the piece of that triangle? */
-static bool slips_past(const truth_tree *tree, const line *l, uint32_t triangle)
+/* Does a line beside meet the piece of that triangle nowhere before a hit, or but where that is? */
+static bool slips_past(const truth_tree *tree, const line *l, uint32_t triangle, uint32_t prim, double limit)
 {
     double across[2][3];
     int i;
@@ -664,18 +664,19 @@ static bool slips_past(const truth_tree *tree, const line *l, uint32_t triangle)
 
         while ((other = truth_find(tree, &aside)).hit && other.prim < tree->m->triangle_count && tree->pieces[other.prim] != tree->pieces[triangle])
             aside.tmin = other.t;
-        if (!other.hit) return true;
+        if (!other.hit || other.prim == prim || other.t >= limit) return true;
     }
     return false;
 }
 
-/* Each piece that the line meets, by itself. */
-static bool slips_past_all(const truth_tree *tree, const line *l, truth t)
+/* Each piece that the line meets before the hit, if there is one, by itself. */
+static bool slips_past_all(const truth_tree *tree, const line *l, truth t, const rt_hit *hit)
 {
+    const double limit = hit->prim == RT_NONE ? HUGE_VAL : (double)hit->t - 1e-5 * fabs((double)hit->t);
     line rest = *l;
 
-    for (; t.hit; t = truth_find(tree, &rest)) {
-        if (t.prim >= tree->m->triangle_count || !slips_past(tree, l, t.prim)) return false;
+    for (; t.hit && t.t < limit; t = truth_find(tree, &rest)) {
+        if (t.prim >= tree->m->triangle_count || !slips_past(tree, l, t.prim, hit->prim, limit)) return false;
         rest.tmin = t.t;
     }
     return true;
@@ -683,8 +684,8 @@ static bool slips_past_all(const truth_tree *tree, const line *l, truth t)
 
 /* Could rounding have led to that hit, or miss? The ray passes so near to the primitive; and what is true lies behind it, or is not there for
    one of 48 rays around: so at the rim of a closed mesh, but not where its triangles meet before the ray. found, true_one: where the hit
-   was found, and where it truly is. A miss may pass several pieces that share no vertex, whose roundings so have nothing in common: each by a ray
-   of its own. */
+   was found, and where it truly is. A ray may pass several pieces that share no vertex, whose roundings so have nothing in common: each by a
+   ray of its own. */
 static bool excused(const view *found, const rt_hit *hit, const view *true_one, const truth *t)
 {
     double across[2][3], away;
@@ -708,5 +709,5 @@ static bool excused(const view *found, const rt_hit *hit, const view *true_one, 
         if (hit->prim == RT_NONE) continue;
         if ((other.prim == hit->prim && t->inst == hit->inst) || other.t >= (double)hit->t - 1e-5 * fabs((double)hit->t)) return true;
     }
-    return hit->prim == RT_NONE && t->inst == RT_NONE && slips_past_all(true_one->tree, &true_one->l, *t);
+    return t->inst == RT_NONE && hit->inst == RT_NONE && slips_past_all(true_one->tree, &true_one->l, *t, hit);
 }

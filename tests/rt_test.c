@@ -7669,7 +7669,7 @@ static void rtt_test_ground_raster(void)
     }
 }
 
-#define RTT_SAMPLING_HASH 0x1674b641u
+#define RTT_SAMPLING_HASH 0x3fa3406fu
 
 /* ---- >>sampling: numbers in [0,1), and what they estimate ----------------------------------------------------------- */
 
@@ -7716,7 +7716,9 @@ static void rtt_test_sampling_uniform(void)
         }
 }
 
-/* Sobol': each of n = 2^k samples in a cell of its own, for all 2^a x 2^b = n cells, and so each later block; stratified: one in each of n. */
+/* Sobol': each of n = 2^k samples in a cell of its own, for all 2^a x 2^b = n cells, and so each later block, and of 4^k samples in four
+   dimensions, for all 4^a x 4^b x 4^c x 4^d = n cells, and of 256 samples for 16 x 16 cells of any two of sixteen numbers;
+   stratified: one in each of n. */
 static void rtt_test_sampling_strata(void)
 {
     static char taken[1024];
@@ -7739,6 +7741,38 @@ static void rtt_test_sampling_strata(void)
                         taken[cell] = 1;
                     }
                 }
+        for (int k = 0; k <= 5; k++)
+            for (int code = 0; code < (k + 1) * (k + 1) * (k + 1); code++) {
+                const int a = code % (k + 1), b = code / (k + 1) % (k + 1), c = code / (k + 1) / (k + 1), d = k - a - b - c;
+                const uint32_t n = 1u << 2 * k;
+
+                memset(taken, 0, sizeof taken);
+                for (uint32_t i = round * n; i < (round + 1) * n && d >= 0; i++) {
+                    float u[2], v[2];
+                    size_t cell;
+
+                    rt_sample_2d(&sampler, round, 6, i, 2 * round, u);
+                    rt_sample_2d(&sampler, round, 6, i, 2 * round + 1, v);
+                    cell = (((size_t)(u[0] * (float)(1 << 2 * a)) << 2 * b | (size_t)(u[1] * (float)(1 << 2 * b))) << 2 * c |
+                            (size_t)(v[0] * (float)(1 << 2 * c))) << 2 * d | (size_t)(v[1] * (float)(1 << 2 * d));
+                    CHECK(!taken[cell]);
+                    taken[cell] = 1;
+                }
+            }
+        for (uint32_t p = 1; p < 16; p++)
+            for (uint32_t q = 0; q < p; q++) {
+                memset(taken, 0, sizeof taken);
+                for (uint32_t i = round * 256; i < (round + 1) * 256; i++) {
+                    float u[2], v[2];
+                    size_t cell;
+
+                    rt_sample_2d(&sampler, 7, round, i, 8 * round + p / 2, u);
+                    rt_sample_2d(&sampler, 7, round, i, 8 * round + q / 2, v);
+                    cell = (size_t)(u[p % 2] * 16) * 16 + (size_t)(v[q % 2] * 16);
+                    CHECK(!taken[cell]);
+                    taken[cell] = 1;
+                }
+            }
     }
     for (uint32_t n = 1; n <= 1024; n = n < 70 ? n + 1 : 2 * n - 37) {
         rt_sampler sampler = rtt_sampler(RT_SAMPLER_STRATIFIED, n);
@@ -8079,14 +8113,14 @@ static void rtt_test_confusion(void)
 
     for (size_t d = 0; d < RTT_COUNT(depths); d++) {
         const float focus = 4, lens = 0.6f, step = 2 * 0.25f / SIDE;        /* of a pixel, at depth 1 */
-        const double circle = (double)(lens * fabsf(1 - focus / depths[d]) / focus / step), ball = 0.03 / (double)depths[d] / (double)step;
+        const double circle = (double)(lens * fabsf(1 - focus / depths[d]) / focus / step), ball = 0.06 / (double)depths[d] / (double)step;
         rtt_stage stage;
         rt_render_options options;
         rtt_moments sharp, blurred;
 
         memset(&stage, 0, sizeof stage);
         stage.materials[0] = rtt_material(rtt_gray(0), rtt_gray(1), rtt_gray(0), rtt_gray(0), 0, false);
-        rtt_ball(&stage.model, rtt_v(0, 0, -depths[d]), 0.03f);
+        rtt_ball(&stage.model, rtt_v(0, 0, -depths[d]), 0.06f);
         rtt_stage_build(&stage);
         stage.scene.camera = (rt_camera){ { 0, 0, 0 }, { 0, 0, -1 }, { 0, 1, 0 }, 2 * 14.0362435f };
         memset(&options, 0, sizeof options);
