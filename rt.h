@@ -443,7 +443,7 @@ typedef enum { RT_SAMPLER_LIST(RTI_ENUM) RT_SAMPLER_COUNT } rt_sampler_kind;
 /* Zero is the default of every field. */
 typedef struct {
     rt_sampler_kind kind;
-    uint32_t spp;                           /* samples that there will be; 0 = 1. STRATIFIED alone needs to know */
+    uint32_t spp;                           /* samples that there will be, at most RT_MAX_SPP; 0 = 1. STRATIFIED alone needs to know */
     uint32_t seed, frame;                   /* each gives new numbers */
 } rt_sampler;
 
@@ -5349,8 +5349,7 @@ static void rti_sample_2d(const rt_sampler *sampler, uint32_t x, uint32_t y, uin
     } else if (sampler->kind == RT_SAMPLER_STRATIFIED) {
         /* Multi-jittering (Chiu et al. 1994): each coordinate by itself is stratified n-fold too. */
         const uint32_t hash = rti_hash_next(key, sample), s = rti_shuffle(sample % n, n, key);
-        uint32_t columns = 1, rows, column, row, across;
-        while ((columns + 1) * (columns + 1) <= n) columns++;
+        uint32_t columns = (uint32_t)sqrtf((float)n), rows, column, row, across;      /* exact: n is at most 2^20 */
         rows = (n + columns - 1) / columns;
         row = s / columns;
         column = rti_shuffle(s % columns, columns, rti_hash_next(key, 5));

@@ -4,10 +4,10 @@
    error     The picture is the mean of two halves whose random numbers have nothing in common. Both miss the truth independently, so the mean
              over all pixels of (half - half)^2 tells the variance of their mean: in expectation it is four times the squared error.
    uniform   All pixels get as many samples; each half goes on with its own sequence.
-   adaptive  Each round has new sequences, and gives a pixel samples by the noise of the rounds before: they are n^-1.5 variances at best, so
-             what is spent best grows with its 0.4th power. The picture is the sum of what rounds drew by weights that depend on the sizes of
-             the rounds alone. So, whatever a pixel's samples were, and however few of them it got the next time, the round that follows has
-             the right mean, and so has the sum. Were all samples to weigh alike, it would not (Kirk and Arvo 1991). */
+   adaptive  One sample in eight is a guide's, which has two halves of its own, is uniform, and tells where noise is: variances fall as n^-1.5 at
+             best, so what is spent best grows with their 0.4th power. The guide's samples are no part of the picture: so the number of a
+             pixel's samples knows nothing of their values, all may weigh alike, and their sequences go on from round to round. Were a pixel's
+             own samples to tell how many more it gets, the mean would be biased (Kirk and Arvo 1991). */
 
 #ifndef REFINE_H
 #define REFINE_H
@@ -33,14 +33,12 @@ typedef struct {
     bool adaptive;
     refine_draw draw;
     void *context;
+    int drawn[2];                           /* samples of the halves, uniform; of those of the guide, adaptive */
     int round;
-    int drawn[2];                           /* samples of the halves, uniform */
-    double weight;                          /* of all rounds so far, adaptive */
-    double first;                           /* samples of a half in the first round */
-    rt_vec3 *halves[2], *parts[2];          /* the second: of the round at hand */
-    float *noise;                           /* a pixel's variance times samples^power, by the rounds so far */
+    rt_vec3 *halves[2], *guides[2], *parts[2];      /* parts: of the round at hand */
     float *shares;                          /* of the samples, by the noise of a pixel and its neighbours */
-    uint32_t *counts;
+    uint32_t *counts, *had;                 /* samples of a half's pixels after this round and before it, adaptive */
+    uint32_t *more;
 } refinement;
 
 /* The power of samples by which variance falls. */
@@ -52,12 +50,14 @@ REFINE_API void refine_end(refinement *r)
 
     for (h = 0; h < 2; h++) {
         free(r->halves[h]);
+        free(r->guides[h]);
         free(r->parts[h]);
     }
     free(r->picture);
-    free(r->noise);
     free(r->shares);
     free(r->counts);
+    free(r->had);
+    free(r->more);
     memset(r, 0, sizeof *r);
 }
 
@@ -81,12 +81,15 @@ REFINE_API bool refine_begin(refinement *r, const rt_render_options *how, bool a
         r->halves[h] = (rt_vec3 *)calloc(pixels, sizeof *r->halves[h]);
         r->parts[h] = (rt_vec3 *)calloc(pixels, sizeof *r->parts[h]);
         good = good && r->halves[h] && r->parts[h];
+        if (adaptive) r->guides[h] = (rt_vec3 *)calloc(pixels, sizeof *r->guides[h]);
+        good = good && (!adaptive || r->guides[h]);
     }
     if (adaptive) {
-        r->noise = (float *)calloc(pixels, sizeof *r->noise);
         r->shares = (float *)calloc(pixels, sizeof *r->shares);
         r->counts = (uint32_t *)calloc(pixels, sizeof *r->counts);
-        good = good && r->noise && r->shares && r->counts;
+        r->had = (uint32_t *)calloc(pixels, sizeof *r->had);
+        r->more = (uint32_t *)calloc(pixels, sizeof *r->more);
+        good = good && r->shares && r->counts && r->had && r->more;
     }
     if (!good || !r->picture) refine_end(r);
     return r->picture != NULL;
@@ -137,12 +140,14 @@ static void refine_sum_up(refinement *r, double part)
 }
 
 /* How samples are best shared out: a power of the noise, as means over squares of 7 x 7 pixels, or what of those lies in the picture, since one
-   pixel's, the square of one number, tells little. */
+   pixel's, the square of one number, tells little; and a bit of the whole picture's, for what has not been met. */
 static void refine_weigh(refinement *r)
 {
     const int width = r->how.width, height = r->how.height;
+    double all = 1e-30;
     int x, y, i, k;
 
+    for (i = 0; i < width * height; i++) all += refine_square(r->guides[0][i], r->guides[1][i]) / (64.0 * width * height);
     for (y = 0; y < height; y++)
         for (x = 0; x < width; x++) {
             double sum = 0;
@@ -150,14 +155,17 @@ static void refine_weigh(refinement *r)
 
             for (k = y > 3 ? y - 3 : 0; k <= y + 3 && k < height; k++)
                 for (i = x > 3 ? x - 3 : 0; i <= x + 3 && i < width; i++) {
-                    sum += (double)r->noise[(size_t)k * (size_t)width + (size_t)i];
+                    const size_t at = (size_t)k * (size_t)width + (size_t)i;
+
+                    sum += refine_square(r->guides[0][at], r->guides[1][at]);
                     count++;
                 }
-            r->shares[(size_t)y * (size_t)width + (size_t)x] = (float)pow(sum / count, 1 / (1 + refine_power(r)));
+            r->shares[(size_t)y * (size_t)width + (size_t)x] = (float)pow(sum / count + all, 1 / (1 + refine_power(r)));
         }
 }
 
-/* Gives each pixel scale times its share, but never below least; how many that is on average. Sobol' points are best by powers of two. */
+/* Gives each pixel scale times its share, but never below least, or what it has; how many that is on average. Sobol' points are best by powers
+   of two. */
 static double refine_count(refinement *r, double scale, double least)
 {
     const size_t pixels = (size_t)r->how.width * (size_t)r->how.height;
@@ -173,16 +181,17 @@ static double refine_count(refinement *r, double scale, double least)
             count = fmin(ldexp(1, part < 0.70710678 ? exponent - 1 : exponent), r->how.spp);
         }
         r->counts[i] = (uint32_t)(count + 0.5);
+        if (r->counts[i] < r->had[i]) r->counts[i] = r->had[i];
         sum += (double)r->counts[i];
     }
     return sum / (double)pixels;
 }
 
-/* Shares out samples a pixel. Each gets a quarter of that, and no fewer than at first: there may be noise that has not been met yet, or that both
-   halves happened to meet alike. */
+/* Shares out samples a pixel of a half. Each gets a quarter of that: there may be noise that has not been met yet, or that both halves of the guide
+   happened to meet alike. */
 static double refine_share_out(refinement *r, double samples)
 {
-    const double least = fmax(floor(samples / 4), r->first);
+    const double least = fmax(floor(samples / 4), 1);
     double low = 0, high = samples, drawn;
     int step;
 
@@ -195,63 +204,92 @@ static double refine_share_out(refinement *r, double samples)
         if (drawn < samples) low = scale;
         else high = scale;
     } while (step++ < 100 && fabs(drawn / samples - 1) > 0.005 && high - low > 1e-6 * high);
-    return drawn;
+    return drawn > 1.1 * samples ? refine_count(r, low, least) : drawn;        /* where all pixels are alike */
 }
 
-static rt_status refine_draw_half(refinement *r, int half, int first, int samples)
+/* Of a sequence: 0 and 1 are the halves', 2 and 3 the guide's. */
+static rt_status refine_draw_part(refinement *r, int sequence, int first, int samples, const uint32_t *counts)
 {
     rt_render_options how = r->how;
 
     how.first_sample = first;
     how.samples = samples;
-    how.seed += 0x9e3779b9u * (uint32_t)(2 * r->round + half);
-    how.counts = r->adaptive && r->round ? r->counts : NULL;
-    return r->draw(r->context, &how, r->parts[half]);
+    how.seed += 0x9e3779b9u * (uint32_t)sequence;
+    how.counts = counts;
+    return r->draw(r->context, &how, r->parts[sequence & 1]);
 }
 
-/* Draws until pixels have that many samples, on average; more than now, adaptive by as many as there were at first. 1: one half alone, which
+static rt_status refine_uniform(refinement *r, int sequence, const int wanted[2], rt_vec3 *const means[2])
+{
+    const size_t pixels = (size_t)r->how.width * (size_t)r->how.height;
+    rt_status status = RT_OK;
+    int h;
+
+    for (h = 0; h < 2 && status == RT_OK; h++)
+        if (wanted[h] > r->drawn[h]) status = refine_draw_part(r, sequence + h, r->drawn[h], wanted[h] - r->drawn[h], NULL);
+    for (h = 0; h < 2 && status == RT_OK; h++)
+        if (wanted[h] > r->drawn[h]) {
+            refine_add(means[h], r->parts[h], pixels, 1 - (double)r->drawn[h] / wanted[h]);
+            r->drawn[h] = wanted[h];
+        }
+    return status;
+}
+
+/* What counts ask for, of both halves: pixels that have as many go on together. Other sequences than Sobol's begin anew. */
+static rt_status refine_draw_counts(refinement *r)
+{
+    const size_t pixels = (size_t)r->how.width * (size_t)r->how.height;
+    const bool goes_on = r->how.sampler == RT_SAMPLER_SOBOL;
+    uint32_t had = 0, next;
+    rt_status status = RT_OK;
+    size_t i;
+    int h;
+
+    for (; had != UINT32_MAX && status == RT_OK; had = next) {
+        bool any = false;
+
+        for (i = 0, next = UINT32_MAX; i < pixels; i++) {
+            const bool now = !goes_on || r->had[i] == had;
+
+            r->more[i] = now ? r->counts[i] - r->had[i] : 0;
+            any = any || r->more[i];
+            if (!now && r->had[i] > had && r->had[i] < next) next = r->had[i];
+        }
+        for (h = 0; h < 2 && any && status == RT_OK; h++)
+            status = refine_draw_part(r, goes_on ? h : 4 * r->round + h, (int)had, r->how.spp - (int)had, r->more);
+    }
+    for (i = 0; i < pixels && status == RT_OK; i++) {
+        const double part = r->counts[i] ? 1 - (double)r->had[i] / (double)r->counts[i] : 0;
+
+        for (h = 0; h < 2 && part > 0; h++) refine_add(&r->halves[h][i], &r->parts[h][i], 1, part);
+        r->had[i] = r->counts[i];
+    }
+    return status;
+}
+
+/* Draws until pixels have that many samples, more than now, on average, the guide's among them; adaptive 8 at least. 1: one half alone, which
    makes no estimate. What fails leaves the picture as it was. */
 REFINE_API rt_status refine_until(refinement *r, int samples)
 {
-    const size_t pixels = (size_t)r->how.width * (size_t)r->how.height;
-    double added[2] = { 0, 0 }, weights[2];
-    rt_status status = RT_OK;
-    int wanted[2], h;
+    double drawn = samples;
+    rt_status status;
+    int wanted[2];
 
-    wanted[0] = (samples + 1) / 2;
-    wanted[1] = samples / 2;
     if (r->adaptive) {
-        const double more = (samples - r->samples) / 2;
-        if (!r->round) r->first = ceil(more);
-        added[0] = added[1] = r->round ? refine_share_out(r, more) : ceil(more);
-        wanted[0] = wanted[1] = r->round ? r->how.spp : (int)ceil(more);
-    }
-    for (h = 0; h < 2 && status == RT_OK; h++) {
-        const int first = r->adaptive ? 0 : r->drawn[h];
-
-        if (!r->adaptive) added[h] = wanted[h] - first;
-        if (added[h] > 0) status = refine_draw_half(r, h, first, wanted[h] - first);
-        weights[h] = added[h] / wanted[h];
+        wanted[0] = wanted[1] = (samples + 15) / 16;
+        status = refine_uniform(r, 2, wanted, r->guides);
+        if (status == RT_OK) {
+            drawn = 2 * (refine_share_out(r, samples / 2.0 - r->drawn[0]) + r->drawn[0]);
+            status = refine_draw_counts(r);
+        }
+    } else {
+        wanted[0] = (samples + 1) / 2;
+        wanted[1] = samples / 2;
+        status = refine_uniform(r, 0, wanted, r->halves);
     }
     if (status != RT_OK) return status;
-    if (r->adaptive) {
-        const double power = refine_power(r), weight = pow(added[0], power);
-        size_t i;
-
-        r->weight += weight;
-        weights[0] = weights[1] = weight / r->weight;
-        for (i = 0; i < pixels; i++) {
-            const double count = r->round ? (double)r->counts[i] : added[0];
-            const double noise = refine_square(r->parts[0][i], r->parts[1][i]) * pow(count, power);
-            r->noise[i] = refine_mix(r->noise[i], (float)noise, 1 / (r->round + 1.0));
-        }
-        r->round++;
-    }
-    for (h = 0; h < 2; h++) {
-        if (added[h] > 0) refine_add(r->halves[h], r->parts[h], pixels, weights[h]);
-        r->drawn[h] = wanted[h];
-    }
-    r->samples = r->adaptive ? r->samples + added[0] + added[1] : samples;
+    r->round++;
+    r->samples = drawn;
     refine_sum_up(r, r->adaptive ? 0.5 : (double)r->drawn[1] / samples);
     return RT_OK;
 }
@@ -260,9 +298,7 @@ REFINE_API rt_status refine_until(refinement *r, int samples)
    before. */
 REFINE_API double refine_needs(const refinement *r, double error)
 {
-    const double times = r->error * r->error / (error * error), power = refine_power(r);
-
-    return r->adaptive ? r->samples + 2 * pow(r->weight * fmax(times - 1, 0), 1 / power) : r->samples * pow(times, 1 / power);
+    return r->samples * pow(r->error / error, 2 / refine_power(r));
 }
 
 #endif /* REFINE_H */

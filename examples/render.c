@@ -654,13 +654,12 @@ static void print_row(const options *o, const progress *bar, const round_row *ro
     if (!o->quiet) printf("%8.5g %9.3f %9.2f %12.6g %12.6g\n", row->samples, row->seconds, (double)row->rays * 1e-6, row->error, row->relative);
 }
 
-/* How many samples there shall be after the next round; 0: it is over, and log tells why. Rounds grow so that what was drawn before them counts
-   for little: twofold; adaptive ones, which begin anew, fourfold. Where the goal is near they are as long as it seems to take. */
+/* How many samples there shall be after the next round; 0: it is over, and log tells why. Rounds double them. Where the goal is near they are as long as it seems to take. */
 static int next_samples(const options *o, const refinement *r, refine_log *log)
 {
     const round_row *last = log->count ? &log->rows[log->count - 1] : NULL;
     const double now = r->samples, start = o->adaptive ? 8 : 1, step = o->adaptive ? 8 : now < 2 ? 1 : 2;
-    double next = !last ? start : now * (o->adaptive ? 4 : 2);
+    double next = !last ? start : now * 2;
 
     log->why = "--spp";
     if (last && o->error > 0 && last->error <= (double)o->error) return log->why = "--error", 0;

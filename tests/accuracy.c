@@ -392,14 +392,16 @@ static score judge_all(suite *s, const way *w, rt_hit *hits, size_t count, pool 
     return all;
 }
 
-/* How many rays a way traces. Peers and the usual ways: all. Other widths, cullings and instruction sets, and devices, which may be this
-   same processor: a sixteenth. */
+/* How many rays a way traces. The usual ways: all. Peers, to excuse whose faults takes long: a quarter. Other widths, cullings and instruction
+   sets, and devices, which may be this same processor: a sixteenth. */
 static size_t share(const suite *s, const way *w)
 {
     const size_t least = 8 * BLOCK;         /* with one thousand without order */
 
-    if (w->kind == PEER || (w->kind == OURS && w->usual) || s->count <= least) return s->count;
-    return s->count / 16 > least ? s->count / 16 / least * least : least;
+    const size_t part = s->count / (w->kind == PEER ? 4 : 16);
+
+    if ((w->kind == OURS && w->usual) || s->count <= least) return s->count;
+    return part > least ? part / least * least : least;
 }
 
 /* Nanoseconds a ray, on one thread: the best of three. Of these rays an eighth is without order. */
@@ -809,17 +811,19 @@ static void print_sums(void)
 static bool run_entry(const options *o, size_t entry, rt_gpu *gpu, void *embree, pool *threads)
 {
     const size_t places = table[entry].place_count;
-    const size_t count = (o->rays + places - 1) / places;
-    size_t at, before = total_count;
+    size_t at, before = total_count, count, parts = 0;
     int how;
 
     for (how = 0; how < AIMS; how++)
         if (table[entry].aims >> how & 1) {
             char name[96];
 
+            parts += places;
             snprintf(name, sizeof name, "%s; rays %s", table[entry].name, aim_names[how]);
             if (!o->only || strstr(name, o->only)) (void)add_total(name);
         }
+    if (o->quick) parts = places;
+    count = (o->rays + parts - 1) / parts;
     for (at = 0; at < places && total_count > before; at++) {
         const place *where = &table[entry].places[at];
         size_t next = before;
@@ -955,15 +959,15 @@ static const char usage[] =
     "usage: accuracy [--quick] [--gpu] [--rays N] [--only TEXT] [-o FILE.csv] [--report FOLDER]\n\n"
     "Compares the hits of every structure, algorithm, packet width, culling and instruction set with the truth, found in exact arithmetic;\n"
     "follows rays that leave a surface; and measures how far pictures with noise are from what they tend to.\n"
-    "  --quick          small models, 1024 rays a suite, few samples, no times of hits\n"
+    "  --quick          small models, few samples, no times of hits\n"
     "  --gpu            the OpenCL device too\n"
-    "  --rays N         a suite, over its places (default 1000000)\n"
+    "  --rays N         a scene, over its suites and places (default 1000000); with --quick, a suite (default 1024)\n"
     "  --only TEXT      suites of hits with that in their name, and nothing else\n"
     "  -o FILE          a row for each way, suite and place\n"
     "  --report FOLDER  there: accuracy.csv, images.csv, plots and report.html, which holds all of it. References of pictures are kept there\n"
     "                   for the next time. Needs gnuplot\n\n"
-    "All rays are traced by each algorithm in its default width; a sixteenth of them by other widths, cullings, instruction sets and by the\n"
-    "device: the rays of a row tell. Seven eighths come in packets that suit large ones, the others without order.\n";
+    "All rays are traced by each algorithm in its default width; a quarter of them by peers, a sixteenth by other widths, cullings, instruction\n"
+    "sets and by the device: the rays of a row tell. Seven eighths come in packets that suit large ones, the others without order.\n";
 
 /* False: unknown, or it lacks its value. */
 static bool set_option(options *o, const char *name, const char *value, int *taken)

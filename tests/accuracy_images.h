@@ -515,7 +515,7 @@ static bool time_ways(way_times *out, rt_gpu *gpu)
 /* As render --error does it, beside one sequence for all samples, which tells nothing of its error. */
 enum { ONE_SEQUENCE, UNIFORM, ADAPTIVE, REFINE_KINDS };
 static const char *const refine_names[] = { "one sequence", "two halves", "adaptive" };
-enum { LARGE_WIDTH = 128, LARGE_HEIGHT = 96, REFINE_SEEDS = 4, ROUNDS = 12 };
+enum { LARGE_WIDTH = 192, LARGE_HEIGHT = 144, REFINE_SEEDS = 4, ROUNDS = 12 };
 
 typedef struct { double samples, seconds, rmse, estimate; } refine_point;       /* means over seeds */
 typedef struct {
@@ -552,7 +552,7 @@ static void refine_once(void *context, size_t seed)
     const refine_job *work = context;
     rt_render_options how = work->s->how;
     double start = thread_seconds(), lost = 0;
-    const int first = work->which == ADAPTIVE ? 8 : 2, times = work->which == ADAPTIVE ? 4 : 2;
+    const int first = work->which == ADAPTIVE ? 8 : 2;
     refinement r;
     int i = 0, samples;
 
@@ -560,7 +560,7 @@ static void refine_once(void *context, size_t seed)
     how.seed = 1000 + (uint32_t)seed;
     how.spp = 65536;
     if (!refine_begin(&r, &how, work->which == ADAPTIVE, draw_stage, (void *)(uintptr_t)work->s)) must_draw(RT_ERROR_MEMORY, work->s->which->name);
-    for (samples = first; samples <= work->most; samples *= times, i++) {
+    for (samples = first; samples <= work->most; samples *= 2, i++) {
         refine_point *p = &work->points[seed][i];
         double now;
 
@@ -631,7 +631,7 @@ static bool study_refining(refine_study *out, int most, bool small, const char *
         for (which = 0; which < REFINE_KINDS && good; which++) {
             refine_job work = { &s, &ideal, which, which == ADAPTIVE ? most : 4 * most, points, room };
 
-            for (samples = which == ADAPTIVE ? 8 : 2; samples <= work.most; samples *= which == ADAPTIVE ? 4 : 2) out->counts[n][which]++;
+            for (samples = which == ADAPTIVE ? 8 : 2; samples <= work.most; samples *= 2) out->counts[n][which]++;
             pool_for(threads, REFINE_SEEDS, refine_once, &work);
             average_rounds(out, n, which, points);
         }

@@ -363,9 +363,9 @@ static void put_suites(FILE *html)
     size_t i, k;
 
     fputs("<table>\n<tr><th>suite</th><th>places</th><th>rays</th><th>hits</th><th>rt.h: missed</th><th>false</th><th>wrong</th><th>ways</th>"
-          "<th>that differ</th>", html);
+          "<th>that differ</th><th>t: ulp, mean</th><th>at most</th><th>u, v: at most</th>", html);
     for (k = 0; k < way_count; k++)
-        if (ways[k].kind == PEER) fprintf(html, "<th>%s: missed + false + wrong</th>", ways[k].name);
+        if (ways[k].kind == PEER) fprintf(html, "<th>%s: missed + false + wrong, of a million</th>", ways[k].name);
     fputs("</tr>\n", html);
     for (i = 0; i < total_count; i++) {
         const total *t = &totals[i];
@@ -376,12 +376,14 @@ static void put_suites(FILE *html)
             const score *p = &t->peers[peer];
 
             if (ways[k].kind != PEER) continue;
-            if (p->rays) length += (size_t)snprintf(others + length, sizeof others - length, "|%zu", p->missed + p->false_hits + p->wrong);
+            if (p->rays) length += (size_t)snprintf(others + length, sizeof others - length, "|%.0f",
+                                                    1e6 * (double)(p->missed + p->false_hits + p->wrong) / (double)p->rays);
             else length += (size_t)snprintf(others + length, sizeof others - length, "|-");
             peer++;
         }
-        put_row(html, "td", "%s|%zu|%zu|%zu|%zu|%zu|%zu|%zu|%zu%s", t->suite, t->places, t->ours.rays, t->ours.hits, t->ours.missed,
-                t->ours.false_hits, t->ours.wrong, t->ways, t->differ, others);
+        put_row(html, "td", "%s|%zu|%zu|%zu|%zu|%zu|%zu|%zu|%zu|%.3g|%.3g|%.2g%s", t->suite, t->places, t->ours.rays, t->ours.hits, t->ours.missed,
+                t->ours.false_hits, t->ours.wrong, t->ways, t->differ, mean(t->ours.t.ulp_sum, t->ours.compared), t->ours.t.ulp_most,
+                t->ours.uv.most, others);
     }
     fputs("</table>\n", html);
 }
@@ -517,8 +519,9 @@ static bool put_page(FILE *html, const char *folder, const report *r, const sum_
     fputs("<details><summary>Each way</summary>\n", html);
     put_hits(html, sums);
     fputs("</details>\n<h2>Stiff and extreme suites</h2>\n<p>Each suite is a model with one kind of rays, at several scales and offsets where that says "
-          "something. What rt.h misses, finds falsely or on the wrong primitive must be 0 everywhere; peers are counted the same way, where they "
-          "have such primitives.</p>\n", html);
+          "something. What rt.h misses, finds falsely or on the wrong primitive must be 0 everywhere; peers are counted the same way, on a "
+          "quarter of the rays, where they have such primitives. t, u and v are as good as the problem is: along a surface that a ray grazes, or a sliver that it sees "
+          "edge-on, a last bit of a vertex moves the place where they meet from one side of the triangle to the other.</p>\n", html);
     put_suites(html);
     for (i = 0; i < total_count; i++) bad_worst = fmax(bad_worst, totals[i].bad);
     if (bad_worst > 0)

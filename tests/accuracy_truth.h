@@ -458,8 +458,10 @@ static bool meets(const box *b, const line *l, double pad, double from, double t
         if (d == 0) {
             if (low > 0 || high < 0) return false;
         } else {
-            from = fmax(from, (d > 0 ? low : high) / d);
-            to = fmin(to, (d > 0 ? high : low) / d);
+            const double near = (d > 0 ? low : high) / d, far = (d > 0 ? high : low) / d;
+
+            from = near > from ? near : from;
+            to = far < to ? far : to;
         }
     }
     return from <= to + 1e-12 * fabs(to) + 1e-300;
