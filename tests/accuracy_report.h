@@ -229,7 +229,7 @@ static bool plot_convergence(const char *folder, const image_study *study, bool 
             fputs("EOD\n", plot);
         }
         fprintf(plot, "set title '%s'\nset ylabel '%s'\n%s\nplot ", stage_kinds[n].name, n % 3 ? "" : "root mean square error",
-                n ? "unset key" : "set key bottom left");
+                n ? "unset key" : "set key bottom left font ',9' spacing 0.8");
         for (which = RT_SAMPLER_INDEPENDENT; which < RT_SAMPLER_COUNT; which++)
             fprintf(plot, "$s%d with linespoints pt 7 ps 0.35 lw 1.5 lc rgb '%s' title '%s', ", which, sampler_colors[which], sampler_names[which]);
         fputs("0.01 with lines dt 3 lc rgb '#000000' notitle\n", plot);
@@ -255,7 +255,7 @@ static bool plot_refining(const char *folder, const refine_study *study)
             fputs("EOD\n", plot);
         }
         fprintf(plot, "set title '%s'\nset ylabel '%s'\n%s\nplot ", stage_kinds[n].name, n % 3 ? "" : "root mean square error",
-                n ? "unset key" : "set key bottom left");
+                n ? "unset key" : "set key bottom left font ',9' spacing 0.8");
         for (which = 0; which < REFINE_KINDS; which++)
             fprintf(plot, "$r%d using 1:2 with linespoints pt 7 ps 0.35 lw 1.5 lc rgb '%s' title '%s', ", which, refine_colors[which], refine_names[which]);
         fprintf(plot, "$r%d using 1:3 with points pt 6 ps 0.8 lc rgb '#000000' title 'estimated', $r%d using 1:3 with points pt 6 ps 0.8 lc rgb "
