@@ -354,6 +354,7 @@ static bool parse_options(options *o, int argc, char **argv)
     if (!o->scene_name) return fail("no scene given; see --help");
     if (!o->spp) o->spp = o->error > 0 || o->seconds > 0 ? MAX_SPP : 4;
     if (refines(o) && o->spp < 2) return fail("--spp %d: --report, --error, --time and --adaptive compare samples: choose 2 or more", o->spp);
+    if (o->adaptive && o->spp < 4) return fail("--spp %d: --adaptive tells noise by two samples and draws others: choose 4 or more", o->spp);
     if (refines(o) && o->raster) return fail("--primary raster has its samples at regular places: --report, --error, --time and --adaptive "
                                              "need them by chance: choose --primary trace");
     return true;
@@ -654,16 +655,18 @@ static void print_row(const options *o, const progress *bar, const round_row *ro
     if (!o->quiet) printf("%8.5g %9.3f %9.2f %12.6g %12.6g\n", row->samples, row->seconds, (double)row->rays * 1e-6, row->error, row->relative);
 }
 
-/* How many samples there shall be after the next round; 0: it is over, and log tells why. Rounds double them. Where the goal is near they are as long as it seems to take. */
+/* How many samples there shall be after the next round; 0: it is over, and log tells why. Rounds double them; where the goal is near they are as
+   long as it seems to take. */
 static int next_samples(const options *o, const refinement *r, refine_log *log)
 {
     const round_row *last = log->count ? &log->rows[log->count - 1] : NULL;
-    const double now = r->samples, start = o->adaptive ? 8 : 1, step = o->adaptive ? 8 : now < 2 ? 1 : 2;
-    double next = !last ? start : now * 2;
+    const double now = r->samples, step = o->adaptive ? 8 : now < 2 ? 1 : 2;
+    double next = now * 2;
 
     log->why = "--spp";
-    if (last && o->error > 0 && last->error <= (double)o->error) return log->why = "--error", 0;
-    if (last && o->error > 0 && last->error > 0) next = fmin(next, now + ceil(1.05 * (refine_needs(r, (double)o->error) - now) / step) * step);
+    if (!last) return (int)fmin(step, o->spp);
+    if (o->error > 0 && last->error <= (double)o->error) return log->why = "--error", 0;
+    if (o->error > 0 && last->error > 0) next = fmin(next, now + ceil(1.05 * (refine_needs(r, (double)o->error) - now) / step) * step);
     if (next > o->spp) next = o->spp;
     if (now >= 2 && o->seconds > 0) {    /* one half alone tells nothing of its error: there are two at least */
         const double before = log->count > 1 ? last[-1].seconds : 0, had = log->count > 1 ? last[-1].samples : 0;
