@@ -67,8 +67,7 @@ test-others: all driver
 	$(B)/accuracy --quick
 
 # error against run time: out/report.html, its plots, and all numbers as CSV
-accuracy: $(B)/accuracy | out
-	$(opencl)
+accuracy: $(B)/accuracy driver | out
 	$(call need,gnuplot,gnuplot-nox)
 	$(B)/accuracy --gpu --report out
 
@@ -82,10 +81,9 @@ GPU_TESTS      = gpu.mistakes gpu.log gpu.memory gpu.async gpu.cycles gpu.small.
 OCLGRIND      ?= /usr/lib/oclgrind/liboclgrind-rt.so
 THREAD_TESTS   = threads build.parallel shading.render raster.render
 check: check-address check-others
-check-address:
+check-address: driver
 	$(MAKE) config=asan build/asan/rt_test build/asan/render build/asan/rt_fuzz
 	build/asan/rt_test --no-gpu
-	$(opencl)
 	ASAN_OPTIONS=detect_leaks=0 build/asan/rt_test $(GPU_TESTS)
 	build/asan/rt_fuzz 300
 	build/asan/render rings:2 -o build/asan/rings.ppm --size 160x120

@@ -5284,8 +5284,8 @@ RTI_INLINE uint32_t rti_pascal(uint32_t x)
     x ^= x >> 8 & 0x00ff00ffu;
     return x ^ x >> 16;
 }
-/* Digits of four bits times an element of the field of sixteen, of which bits stand for 1, w, g and w g: w^2 = w + 1, g^2 = g + w. 1 and
-   w take digits of two bits, of the field of four, as well. */
+/* Digits of four bits times an element of the field of sixteen, whose last four bits stand for 1, w, g and w g: w^2 = w + 1, g^2 = g + w.
+   1 and w take digits of two bits, of the field of four, as well. */
 RTI_INLINE uint32_t rti_times_w(uint32_t x)
 {
     const uint32_t low = x & 0x55555555u, high = x >> 1 & 0x55555555u;
@@ -6911,9 +6911,10 @@ static void rti_draw(const rti_film *film, const rti_path *path, uint32_t pair, 
     const uint32_t x = film->left + path->pixel % film->side, y = film->top + path->pixel / film->side;
     rti_sample_2d(&film->sampler, x, y, film->sample, path->branch * 0xf1bbcd88u + pair, u);        /* a multiple of 8 */
 }
+static bool rti_has_shutter(const rti_film *film) { return film->timed && film->length > 0; }
 static uint32_t rti_pairs_of_start(const rti_film *film, const rti_path *path)
 {
-    return path->branch > 1 ? 0 : (uint32_t)film->spread + (uint32_t)film->lens.open + (uint32_t)film->timed;
+    return path->branch > 1 ? 0 : (uint32_t)film->spread + (uint32_t)film->lens.open + (uint32_t)rti_has_shutter(film);
 }
 )
 
@@ -7287,7 +7288,7 @@ RTI_INLINE void rti_spread(const rti_film *film, rti_path *path, rt_ray *ray)
         rti_draw(film, path, pair++, u);
         rti_through_lens(&film->lens, u, ray);
     }
-    if (film->timed && film->length > 0) {
+    if (rti_has_shutter(film)) {
         rti_draw(film, path, pair, u);
         path->time = film->open + rti_keepf(film->length * u[0]);
     }
@@ -7787,9 +7788,8 @@ static uint32_t rti_light_pairs(const rt_light *lights, size_t count)
     return (uint32_t)count;
 }
 
-static void rti_set_distribution(rti_film *film, const rt_camera *camera, bool moves, uint32_t light_pairs, const rt_render_options *opt, int spp)
+static void rti_set_distribution(rti_film *film, const rt_camera *camera, bool moves, const rt_render_options *opt, int spp)
 {
-    film->light_pairs = light_pairs;
     film->sampler.kind = opt->sampler;
     film->sampler.spp = (uint32_t)spp;
     film->sampler.seed = opt->seed;
@@ -7902,7 +7902,8 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
     r.job.times = NULL;
 #if RTI_SAMPLING
     r.wanted = opt->counts;
-    rti_set_distribution(&r.film, &scene->camera, rti_moves(scene->accel), rti_light_pairs(scene->lights, scene->light_count), opt, r.spp);
+    r.film.light_pairs = rti_light_pairs(scene->lights, scene->light_count);
+    rti_set_distribution(&r.film, &scene->camera, rti_moves(scene->accel), opt, r.spp);
 #endif
     if (opt->trace.packet_width > RTI_BLOCK) rti_render_large(&r, tile, opt->width, pixels);
     else rti_render_small(&r, tile, opt->width, pixels);

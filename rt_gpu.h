@@ -2585,8 +2585,8 @@ static void rti_gpu_set_frame(rti_gpu_picture *p, const rt_render_options *opt)
     f->waiting = scene->shows & RTI_GPU_SHOWS_GLASS ? f->depth : 0;        /* what only mirrors sends one ray on */
     f->lights = scene->lights;
 #if RTI_SAMPLING
-    rti_set_distribution(&film, &scene->camera, scene->moves, scene->light_pairs, opt, p->spp);
-    f->light_pairs = film.light_pairs;
+    rti_set_distribution(&film, &scene->camera, scene->moves, opt, p->spp);
+    f->light_pairs = scene->light_pairs;
     f->lens_right = film.lens.right;
     f->lens_down = film.lens.down;
     f->rfocus = film.lens.rfocus;

@@ -38,7 +38,7 @@ typedef struct {
     rt_vec3 *halves[2], *guides[2], *parts[2];      /* parts: of the round at hand */
     float *shares;                          /* of the samples, by the noise of a pixel and its neighbours */
     uint32_t *counts, *had;                 /* samples of a half's pixels after this round and before it, adaptive */
-    uint32_t *more;
+    uint32_t *more;                         /* samples that are drawn at once, of pixels that had as many */
 } refinement;
 
 /* The power of samples by which variance falls. */
@@ -267,7 +267,7 @@ static rt_status refine_draw_counts(refinement *r)
     return status;
 }
 
-/* Draws until pixels have that many samples, more than now, on average, the guide's among them; adaptive 8 at least. 1: one half alone, which
+/* Draws until pixels have that many samples, more than now, on average, the guide's among them; adaptive 4 at least. 1: one half alone, which
    makes no estimate. What fails leaves the picture as it was. */
 REFINE_API rt_status refine_until(refinement *r, int samples)
 {

@@ -397,7 +397,6 @@ static score judge_all(suite *s, const way *w, rt_hit *hits, size_t count, pool 
 static size_t share(const suite *s, const way *w)
 {
     const size_t least = 8 * BLOCK;         /* with one thousand without order */
-
     const size_t part = s->count / (w->kind == PEER ? 4 : 16);
 
     if ((w->kind == OURS && w->usual) || s->count <= least) return s->count;

@@ -153,7 +153,9 @@ static sum_row *sum_rows(void)
 }
 
 static double sum_ns(const sum_row *r) { return r->ns_count > 0 ? exp(r->ns_sum / r->ns_count) : 0; }
-static double sum_rate(const sum_row *r) { return 1e6 * (double)(r->missed + r->false_hits + r->wrong) / (double)r->rays; }
+static double of_a_million(size_t bad, size_t rays) { return 1e6 * (double)bad / (double)rays; }
+
+static double sum_rate(const sum_row *r) { return of_a_million(r->missed + r->false_hits + r->wrong, r->rays); }
 
 /* What a point is drawn as. */
 static const char *const hit_groups[] = { "bvh", "kdtree", "threaded", "device", "Moeller-Trumbore", "Embree", "Embree robust" };
@@ -377,7 +379,7 @@ static void put_suites(FILE *html)
 
             if (ways[k].kind != PEER) continue;
             if (p->rays) length += (size_t)snprintf(others + length, sizeof others - length, "|%.0f",
-                                                    1e6 * (double)(p->missed + p->false_hits + p->wrong) / (double)p->rays);
+                                                    of_a_million(p->missed + p->false_hits + p->wrong, p->rays));
             else length += (size_t)snprintf(others + length, sizeof others - length, "|-");
             peer++;
         }

@@ -672,13 +672,12 @@ static bool slips_past(const truth_tree *tree, const line *l, uint32_t triangle,
 }
 
 /* Each piece that the line meets before the hit, if there is one, by itself. */
-static bool slips_past_all(const truth_tree *tree, const line *l, truth t, const rt_hit *hit)
+static bool slips_past_all(const truth_tree *tree, const line *l, truth t, uint32_t prim, double limit)
 {
-    const double limit = hit->prim == RT_NONE ? HUGE_VAL : (double)hit->t - 1e-5 * fabs((double)hit->t);
     line rest = *l;
 
     for (; t.hit && t.t < limit; t = truth_find(tree, &rest)) {
-        if (t.prim >= tree->m->triangle_count || !slips_past(tree, l, t.prim, hit->prim, limit)) return false;
+        if (t.prim >= tree->m->triangle_count || !slips_past(tree, l, t.prim, prim, limit)) return false;
         rest.tmin = t.t;
     }
     return true;
@@ -690,6 +689,7 @@ static bool slips_past_all(const truth_tree *tree, const line *l, truth t, const
    ray of its own. */
 static bool excused(const view *found, const rt_hit *hit, const view *true_one, const truth *t)
 {
+    const double limit = hit->prim == RT_NONE ? HUGE_VAL : (double)hit->t - 1e-5 * fabs((double)hit->t);
     double across[2][3], away;
     bool inside;
     int i;
@@ -707,9 +707,7 @@ static bool excused(const view *found, const rt_hit *hit, const view *true_one, 
         const line aside = moved_aside(&true_one->l, across, drift(true_one->tree->m, t->prim, &true_one->l), i);
         const truth other = truth_find(true_one->tree, &aside);
 
-        if (!other.hit) return true;
-        if (hit->prim == RT_NONE) continue;
-        if ((other.prim == hit->prim && t->inst == hit->inst) || other.t >= (double)hit->t - 1e-5 * fabs((double)hit->t)) return true;
+        if (!other.hit || (other.prim == hit->prim && t->inst == hit->inst) || other.t >= limit) return true;
     }
-    return t->inst == RT_NONE && hit->inst == RT_NONE && slips_past_all(true_one->tree, &true_one->l, *t, hit);
+    return t->inst == RT_NONE && hit->inst == RT_NONE && slips_past_all(true_one->tree, &true_one->l, *t, hit->prim, limit);
 }
