@@ -3171,7 +3171,7 @@ static void rtt_test_layouts(void)
 /* A million triangles: memory within what the header says, all given back; then a million that are one and the same. */
 static void rtt_test_million(void)
 {
-    size_t n = (rtt.big ? 10000000 : 1000000) / RTT_SCALE;
+    const size_t n = (rtt.big ? (size_t)10000000 : 1000000) / RTT_SCALE;
     float *vertices = (float *)rtt_array(9 * n, sizeof *vertices);
     static const float one[9] = { -1, -1, 0, 1, -1, 0, 0, 1, 0 };
     double seconds[2];
