@@ -26,9 +26,9 @@
        declarations    >>config   >>types     >>status   >>geometry  >>build   >>query   >>sampling-api
                        >>camera-api           >>raster-api           >>texture-api       >>shading-api
        implementation  >>platform >>memory    >>math     >>layout    >>instance >>validate >>refs    >>bins    >>bvh
-                       >>kdtree   >>slots     >>threaded >>build-any >>refit    >>info      >>ray      >>frustum  >>tiles    >>surfaces
+                       >>collapse >>kdtree   >>slots     >>threaded >>build-any >>refit    >>info      >>ray      >>frustum  >>tiles    >>surfaces
                        >>passes   >>algorithms >>public  >>leaving >>sampling >>camera   >>raster   >>texture  >>shading  >>render
-       one pass a SIMD width (this file includes itself)  >>wide  >>boxes  >>primitives  >>traverse  >>large  >>batch  >>cover    >>shade
+       one pass a SIMD width (this file includes itself)  >>wide  >>boxes  >>primitives  >>traverse  >>single  >>large  >>batch  >>cover    >>shade
        license         >>license
 
    CONVENTIONS
@@ -249,6 +249,8 @@ typedef struct {
                                                more) octants of directions: near nodes come first; 1 is [Lohr]'s. 0 = the fastest measured */
     float throw_back;                       /* RT_THREADED: a node whose surface is above so much of its parent's gives its children to
                                                its parent ([Lohr] 4: pathological ones are thrown back); 0 = the best measured, negative: none */
+    bool no_wide;                           /* RT_BVH: leave out what only RT_BVH_WIDE reads, and single rays of RT_AUTO, which then take
+                                               RT_BVH_STACK */
     bool no_backtrack;                      /* RT_KDTREE: leave out the parent links and boxes that only RT_KD_BACKTRACK reads */
     rt_parallel_for parallel_for;           /* NULL: build on this thread. The tree is the same, bit for bit */
     void *parallel_user;
@@ -1124,6 +1126,16 @@ RTI_SHARED(
 typedef struct { union { float split; uint32_t count; } as; uint32_t word; } rti_kdnode;
 typedef struct { float bounds[6]; uint32_t parent; } rti_kdlink;
 )
+/* node of RT_BVH_WIDE, 256 bytes: 8 children, by coordinate. A child is an inner node, its count 0, or a leaf, its count as in rti_node and its
+   index that of an octet, or, without octets, of the first slot. Where there is no child both are 0, and the box, upside down, is missed.
+   octet, 320 bytes: the triangles of a leaf side by side; what is left of it repeats the first. */
+#define RTI_CHILDREN 8
+#define RTI_WIDE_STACK (RTI_MAX_DEPTH * (RTI_CHILDREN - 1) + RTI_CHILDREN)
+RTI_SHARED(
+typedef struct { float bounds[6][8]; uint32_t index[8], count[8]; } rti_wide;
+typedef struct { float v[9][8]; uint32_t prim[8]; } rti_octet;
+typedef char rti_check_wide[sizeof(rti_wide) == 256 ? 1 : -1];
+)
 /* node of RT_THREADED: the same, but that index of an inner node is not used and that bounds may be a sphere: x y z of its centre, its
    radius. Nodes stand in depth-first order. Where to go on is told by the node's link in one of the lists of links, by the ray's
    direction. */
@@ -1170,6 +1182,12 @@ typedef struct {
 struct rt_accel {
     rt_structure structure;
     rti_node *nodes;                        /* RT_BVH: node_count of them, the root first; none when empty */
+#if RTI_PACKETS
+    rti_wide *wides;                        /* the same tree for RT_BVH_WIDE, in wide_memory; NULL with opt->no_wide */
+    rti_octet *octets;                      /* likewise; NULL with opt->reference */
+    void *wide_memory;
+    size_t wide_count, octet_count;
+#endif
 #if RTI_KDTREE
     rti_kdnode *kdnodes;                    /* RT_KDTREE: likewise */
     rti_kdlink *kdlinks;                    /* node_count / 2; NULL with opt->no_backtrack */
@@ -2357,6 +2375,9 @@ static void rti_free_accel(rt_accel *accel)
 {
     void *user = accel->memory_user;
     rti_release(accel->nodes, user);
+#if RTI_PACKETS
+    rti_release(accel->wide_memory, user);
+#endif
 #if RTI_KDTREE
     rti_release(accel->kdnodes, user);
     rti_release(accel->kdlinks, user);
@@ -2529,6 +2550,132 @@ out:
     rti_release(b.chunks, user);
     return status;
 }
+
+/* ---- >>collapse ----------------------------------------------------------------------------------------------------- */
+
+#if RTI_PACKETS
+/* The tree of RT_BVH_WIDE: nodes of the binary one with up to 8 children, those of the largest surface being opened first, and leaves of as
+   many triangles as one octet holds, since an octet is tested at once however full it is. */
+
+/* For each binary node: how many triangles are below it, if there is nothing else and they fit in an octet; else 0. */
+static void rti_size_leaves(const rt_accel *accel, uint8_t *sizes)
+{
+    size_t i;
+    for (i = accel->node_count; i-- > 0;) {             /* children stand behind their parents */
+        const rti_node *node = &accel->nodes[i];
+        if (node->count) sizes[i] = rti_leaf_kind(node) == RTI_TRIANGLE ? (uint8_t)rti_leaf_count(node) : 0;
+        else {
+            const int a = sizes[node->index], b = sizes[node->index + 1];
+            sizes[i] = a && b && a + b <= RTI_CHILDREN ? (uint8_t)(a + b) : 0;
+        }
+    }
+}
+
+/* The children of a wide node: of those of the binary tree the one with the largest surface gives way to its own two, until there are 8 or
+   all are leaves. */
+static int rti_open_children(const rt_accel *accel, const uint8_t *sizes, uint32_t root, uint32_t children[RTI_CHILDREN])
+{
+    double areas[RTI_CHILDREN];
+    int n = 1, i;
+    children[0] = root;
+    areas[0] = accel->nodes[root].count || sizes[root] ? -1 : 0;
+    for (;;) {
+        int best = 0, side;
+        for (i = 1; i < n; i++)
+            if (areas[i] > areas[best]) best = i;
+        if (areas[best] < 0 || n == RTI_CHILDREN) return n;
+        children[n] = accel->nodes[children[best]].index + 1;
+        children[best] = accel->nodes[children[best]].index;
+        for (side = 0; side < 2; side++) {
+            const int at = side ? n : best;
+            areas[at] = accel->nodes[children[at]].count || sizes[children[at]] ? -1 : rti_node_area(&accel->nodes[children[at]]);
+        }
+        n++;
+    }
+}
+
+/* Counts wide nodes and octets, and writes them where there is room: of an octet only the slot and the number of its triangles, in prim. */
+static void rti_collapse(rt_accel *accel, const uint8_t *sizes)
+{
+    struct { uint32_t node, wide; } stack[RTI_WIDE_STACK];
+    int top = 0;
+    stack[top].node = stack[top].wide = 0;
+    top++;
+    accel->wide_count = 1;
+    accel->octet_count = 0;
+    while (top) {
+        uint32_t children[RTI_CHILDREN];
+        const int n = rti_open_children(accel, sizes, stack[--top].node, children);
+        rti_wide unused, *wide = accel->wides ? &accel->wides[stack[top].wide] : &unused;
+        int i, k, inner = 0;
+        for (i = 0; i < RTI_CHILDREN; i++) {
+            const rti_node *node = i < n ? &accel->nodes[children[i]] : NULL;
+            for (k = 0; k < 6; k++) wide->bounds[k][i] = node ? node->bounds[k] : k < 3 ? RTI_INFINITY : -RTI_INFINITY;
+            wide->index[i] = wide->count[i] = 0;
+            if (!node) continue;
+            if (sizes[children[i]]) {
+                while (!node->count) node = &accel->nodes[node->index];         /* the first slot */
+                wide->count[i] = RTI_TRIANGLE << RTI_KIND_SHIFT | sizes[children[i]];
+                wide->index[i] = accel->geo.vertices ? node->index : (uint32_t)accel->octet_count;
+                if (accel->octets) {
+                    accel->octets[accel->octet_count].prim[0] = node->index;
+                    accel->octets[accel->octet_count].prim[1] = sizes[children[i]];
+                }
+                accel->octet_count++;
+            } else if (node->count) {
+                wide->count[i] = node->count;
+                wide->index[i] = node->index;
+            } else wide->index[i] = (uint32_t)(accel->wide_count + (size_t)inner++);
+        }
+        for (i = n, k = inner; i-- > 0;)    /* the first is next */
+            if (!wide->count[i]) {
+                stack[top].node = children[i];
+                stack[top++].wide = (uint32_t)(accel->wide_count + (size_t)--k);
+            }
+        accel->wide_count += (size_t)inner;
+    }
+}
+
+static void rti_fill_octet(rti_octet *octet, const rti_triangle *triangles, uint32_t count)
+{
+    uint32_t i;
+    int k;
+    for (i = 0; i < RTI_CHILDREN; i++) {
+        const rti_triangle *t = &triangles[i < count ? i : 0];
+        octet->prim[i] = t->prim;
+        for (k = 0; k < 9; k++) octet->v[k][i] = t->v[k];
+    }
+}
+
+static void rti_fill_octets(void *context, size_t chunk)
+{
+    rt_accel *accel = (rt_accel *)context;
+    size_t i = chunk * RTI_CHUNK, end = accel->octet_count - i < RTI_CHUNK ? accel->octet_count : i + RTI_CHUNK;
+    for (; i < end; i++) rti_fill_octet(&accel->octets[i], accel->triangles + accel->octets[i].prim[0], accel->octets[i].prim[1]);
+}
+
+static rt_status rti_build_wide(rt_accel *accel, const rt_build_options *opt)
+{
+    uint8_t *sizes = (uint8_t *)rti_alloc(accel->node_count, 1, accel->memory_user);
+    const size_t line = 64;                 /* of the cache: nodes and octets start at one */
+    size_t bytes;
+    if (!sizes) return RT_ERROR_MEMORY;
+    rti_size_leaves(accel, sizes);
+    rti_collapse(accel, sizes);
+    bytes = accel->wide_count * sizeof(rti_wide) + (opt->reference ? 0 : accel->octet_count * sizeof(rti_octet)) + line;
+    accel->wide_memory = rti_alloc(1, bytes, accel->memory_user);
+    if (accel->wide_memory) {
+        char *at = (char *)accel->wide_memory + (line - (uintptr_t)accel->wide_memory % line) % line;
+        accel->wides = (rti_wide *)(void *)at;
+        if (!opt->reference) accel->octets = (rti_octet *)(void *)(at + accel->wide_count * sizeof(rti_wide));
+        rti_collapse(accel, sizes);
+        if (accel->octets) rti_for(opt->parallel_for, opt->parallel_user, rti_chunk_total(accel->octet_count), rti_fill_octets, accel);
+        accel->bytes += bytes;
+    }
+    rti_release(sizes, accel->memory_user);
+    return accel->wides ? RT_OK : RT_ERROR_MEMORY;
+}
+#endif
 
 /* ---- >>kdtree ------------------------------------------------------------------------------------------------------- */
 
@@ -3957,6 +4104,9 @@ static rt_status rti_build_tree_of(rt_accel *accel, const rt_geometry *geo, cons
 #if RTI_THREADED
     if (status == RT_OK && count && opt->structure == RT_THREADED) status = rti_thread(accel, geo, opt);
 #endif
+#if RTI_PACKETS
+    if (status == RT_OK && count && opt->structure == RT_BVH && !opt->no_wide) status = rti_build_wide(accel, opt);
+#endif
     if (status == RT_OK) rti_set_reach(accel);
     return status == RT_ERROR_MEMORY ? rti_fail(opt->error, status, RT_NONE, "out of memory for %lu primitives",
                                                 (unsigned long)(rti_tree_count(geo) + rti_plane_count(geo)))
@@ -4009,6 +4159,47 @@ RT_API void rt_free(rt_accel *accel)
 }
 
 /* ---- >>refit -------------------------------------------------------------------------------------------------------- */
+
+#if RTI_PACKETS
+/* After the primitives have moved. */
+static void rti_refit_wide(rt_accel *accel, const rt_geometry *geo)
+{
+    size_t w, b;
+    int i, k, lane;
+    for (b = 0; accel->octets && b < accel->octet_count; b++) {
+        rti_octet *octet = &accel->octets[b];
+        for (i = 0; i < RTI_CHILDREN; i++) {
+            float v[9];
+            (void)rti_fetch_triangle(geo, octet->prim[i], v);
+            for (k = 0; k < 9; k++) octet->v[k][i] = v[k];
+        }
+    }
+    for (w = accel->wide_count; w-- > 0;) {             /* children stand behind their parents */
+        rti_wide *wide = &accel->wides[w];
+        for (i = 0; i < RTI_CHILDREN; i++) {
+            rti_box box = rti_empty_box;
+            rti_node leaf;
+            leaf.index = wide->index[i];
+            leaf.count = wide->count[i];
+            if (!(leaf.index | leaf.count)) continue;
+            if (!leaf.count || (accel->octets && rti_leaf_kind(&leaf) == RTI_TRIANGLE))
+                for (k = 0; k < 3; k++)
+                    for (lane = 0; lane < (leaf.count ? 3 : 1) * RTI_CHILDREN; lane++) {        /* 8 boxes, or 3 vertices of 8 triangles */
+                        const int row = lane / RTI_CHILDREN, at = lane % RTI_CHILDREN;
+                        const float *lower = leaf.count ? accel->octets[leaf.index].v[3 * row + k] : accel->wides[leaf.index].bounds[k];
+                        const float *upper = leaf.count ? lower : accel->wides[leaf.index].bounds[3 + k];
+                        if (lower[at] < box.lo[k]) box.lo[k] = lower[at];
+                        if (upper[at] > box.hi[k]) box.hi[k] = upper[at];
+                    }
+            else box = rti_leaf_box(accel, geo, &leaf);
+            for (k = 0; k < 3; k++) {
+                wide->bounds[k][i] = box.lo[k];
+                wide->bounds[3 + k][i] = box.hi[k];
+            }
+        }
+    }
+}
+#endif
 
 RT_API rt_status rt_refit_error(rt_accel *accel, const rt_geometry *geo, rt_error *error)
 {
@@ -4093,6 +4284,9 @@ RT_API rt_status rt_refit_error(rt_accel *accel, const rt_geometry *geo, rt_erro
             }
         rti_set_bounds(node, &box);
     }
+#if RTI_PACKETS
+    if (accel->wides) rti_refit_wide(accel, geo);
+#endif
     rti_set_root(accel);
     rti_set_reach(accel);
     return RT_OK;
@@ -4344,14 +4538,19 @@ typedef struct {
     int side;                               /* rays a side, */
     rt_cull cull;                           /* and by what they are culled */
     const float *times;                     /* one a ray, or NULL */
+    bool wide;                              /* single rays walk wide nodes, where an accel has them */
     rti_tuner *tuner;                       /* of RT_AUTO: what is known of rays like these; NULL: nothing yet */
     const rt_ray_arrays *from;              /* rt_trace_arrays: in the place of rays and hits */
     const rt_hit_arrays *to;
 } rti_job;
 
-static const rti_job rti_plain_jobs[] = {    /* by query: nothing but the hits of SIMD rays */
-    { RT_CLOSEST, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, NULL, NULL, NULL },
-    { RT_ANY,     NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, NULL, NULL, NULL },
+static const rti_job rti_plain_jobs[] = {    /* by query: nothing but the hits of SIMD rays, or of single ones */
+    { RT_CLOSEST, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, false, NULL, NULL, NULL },
+    { RT_ANY,     NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, false, NULL, NULL, NULL },
+};
+static const rti_job rti_wide_jobs[] = {     /* the same by RT_BVH_WIDE */
+    { RT_CLOSEST, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, true, NULL, NULL, NULL },
+    { RT_ANY,     NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, true, NULL, NULL, NULL },
 };
 
 typedef void (*rti_batch_function)(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits);
@@ -4436,11 +4635,15 @@ RTI_INLINE int rti_highest_bit(uint64_t bits)           /* of at least one */
 #endif
 }
 #endif
-RTI_INLINE int rti_lowest_bit(unsigned bits)
+RTI_INLINE int rti_lowest_bit(unsigned bits)            /* of at least one */
 {
+#if defined(__GNUC__) || defined(__clang__)
+    return __builtin_ctz(bits);
+#else
     int n = 0;
     while (!(bits >> n & 1)) n++;
     return n;
+#endif
 }
 
 /* ---- >>frustum ------------------------------------------------------------------------------------------------------ */
@@ -4752,7 +4955,7 @@ typedef void (*rti_aim_function)(rti_surfaces *s, size_t count, const rt_vec3 *l
 /* The code behind RT_ALGORITHM_LIST: which of them are built, and from which widths. */
 static const rt_algorithm_info rti_algorithms[] = {
 #define RTI_LARGE(a) (RTI_PACKETS && (a) >= RT_BVH_MASKED && (a) <= RT_BVH_PARTITION)
-#define RTI_BUILT(a) ((a) == RT_AUTO || (a) == RT_BVH_STACK || (RTI_PACKETS && (a) == RT_BVH_SIMD) || RTI_LARGE(a) || \
+#define RTI_BUILT(a) ((a) == RT_AUTO || (a) == RT_BVH_STACK || (RTI_PACKETS && ((a) == RT_BVH_SIMD || (a) == RT_BVH_WIDE)) || RTI_LARGE(a) || \
                       (RTI_KDTREE && (a) >= RT_KD_STACK && (a) <= RT_KD_BACKTRACK) || \
                       (RTI_THREADED && ((a) == RT_THREADED_SINGLE || (RTI_PACKETS && (a) == RT_THREADED_PARALLEL))))
 #define RTI_PACKET(a) (RTI_PACKETS && ((a) == RT_AUTO || (a) == RT_BVH_SIMD || RTI_LARGE(a) || \
@@ -4781,6 +4984,12 @@ static rti_batch_function rti_batch_of(rt_algorithm algorithm, int width, rt_isa
     const bool single = algorithm != RT_BVH_SIMD && !large && !parallel && rti_algorithms[algorithm].built;
     const bool packet = rti_algorithms[algorithm].packets && !large && !parallel, tries = packet && algorithm == RT_AUTO && !width;
     if (isa == RT_ISA_AUTO) isa = rt_best_isa();
+#if RTI_PACKETS
+#if RTI_X86
+    if (algorithm == RT_BVH_WIDE && width == 1 && isa == RT_ISA_AVX2) return rti_batch_8;
+#endif
+    if (algorithm == RT_BVH_WIDE && width == 1) return rti_batch_4;
+#endif
 #if RTI_X86 && !RTI_MSVC
     if (single && width == 1 && isa == RT_ISA_AVX2) return rti_batch_1_avx2;
 #endif
@@ -4833,16 +5042,33 @@ RT_API const char *rt_status_string(rt_status status)
     return (unsigned)status < RT_STATUS_COUNT ? texts[status] : "unknown status";
 }
 
+/* Has accel the tree of RT_BVH_WIDE? */
+static bool rti_has_wide(const rt_accel *accel)
+{
+#if RTI_PACKETS
+    return accel->wides || (accel->structure == RT_BVH && !accel->node_count);
+#else
+    (void)accel;
+    return false;
+#endif
+}
+
+static void rti_trace_one(const rt_accel *accel, rt_query query, const rt_ray *ray, rt_hit *hit)
+{
+    if (rti_has_wide(accel)) rti_batch_of(RT_BVH_WIDE, 1, RT_ISA_AUTO)(accel, &rti_wide_jobs[query], ray, 1, hit);
+    else rti_batch_of(RT_AUTO, 1, RT_ISA_AUTO)(accel, &rti_plain_jobs[query], ray, 1, hit);
+}
+
 RT_API bool rt_intersect(const rt_accel *accel, const rt_ray *ray, rt_hit *hit)
 {
-    rti_batch_of(RT_AUTO, 1, RT_ISA_AUTO)(accel, &rti_plain_jobs[RT_CLOSEST], ray, 1, hit);
+    rti_trace_one(accel, RT_CLOSEST, ray, hit);
     return hit->prim != RT_NONE;
 }
 
 RT_API bool rt_occluded(const rt_accel *accel, const rt_ray *ray)
 {
     rt_hit hit;
-    rti_batch_of(RT_AUTO, 1, RT_ISA_AUTO)(accel, &rti_plain_jobs[RT_ANY], ray, 1, &hit);
+    rti_trace_one(accel, RT_ANY, ray, &hit);
     return hit.prim != RT_NONE;
 }
 
@@ -4905,7 +5131,7 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
     const rt_algorithm_info *info;
     int widths[8], width;
     size_t n;
-    bool has_isa;
+    bool has_isa, wide;
     rt_status status;
     if ((unsigned)opt->algorithm < RT_ALGORITHM_COUNT && !rti_algorithms[opt->algorithm].built) {
         info = &rti_algorithms[opt->algorithm];
@@ -4916,6 +5142,9 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "isa %d is none of rt_isa", (int)opt->isa);
     if ((status = rti_check_options(opt, accel->structure, rti_has_links(accel))) != RT_OK) return status;
     info = &rti_algorithms[opt->algorithm];
+    if (opt->algorithm == RT_BVH_WIDE && !rti_has_wide(accel))
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s needs wide nodes, which this accel was built without (no_wide); the "
+                        "other bvh algorithms do not", info->name);
     has_isa = RTI_X86 ? opt->isa != RT_ISA_SCALAR && (opt->isa != RT_ISA_AVX2 || rt_best_isa() == RT_ISA_AVX2)
                       : opt->isa == RT_ISA_AUTO || opt->isa == RT_ISA_SCALAR;
     if (!has_isa)
@@ -4929,7 +5158,8 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
         else if (count < 4) width = 1;
         else if (!RTI_PACKETS || accel->structure != RT_BVH || count < RTI_AUTO_RAYS / 4) width = widths[n - 1];    /* else 0: by trying */
     }
-    *batch = rti_batch_of(opt->algorithm, width, opt->isa);
+    wide = opt->algorithm == RT_BVH_WIDE || (opt->algorithm == RT_AUTO && width == 1 && rti_has_wide(accel));
+    *batch = rti_batch_of(wide ? RT_BVH_WIDE : opt->algorithm, width, opt->isa);
     if (!*batch) return rti_no_width(opt, widths, n);
     job->query = opt->query;
 #if RTI_STATS
@@ -4943,6 +5173,7 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
     job->side = width;
     job->cull = opt->cull;
     job->times = opt->times;
+    job->wide = wide;
     job->tuner = NULL;
     job->from = NULL;
     job->to = NULL;
@@ -7994,6 +8225,20 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_hit_instances RTI_NAME_(rti_hit_instances)
 #define rti_hit_leaf RTI_NAME_(rti_hit_leaf)
 #define rti_walk_body RTI_NAME_(rti_walk_body)
+#define rti_walk_wide RTI_NAME_(rti_walk_wide)
+#define rti_probe RTI_NAME_(rti_probe)
+#define rti_make_probe RTI_NAME_(rti_make_probe)
+#define rti_probe_children RTI_NAME_(rti_probe_children)
+#define rti_hit_octet RTI_NAME_(rti_hit_octet)
+#define rti_accept_lanes RTI_NAME_(rti_accept_lanes)
+#define rti_gather_octet RTI_NAME_(rti_gather_octet)
+#define rti_wide_body RTI_NAME_(rti_wide_body)
+#define rti_wide_closest RTI_NAME_(rti_wide_closest)
+#define rti_wide_any RTI_NAME_(rti_wide_any)
+#define rti_wide_closest_all RTI_NAME_(rti_wide_closest_all)
+#define rti_wide_any_all RTI_NAME_(rti_wide_any_all)
+#define rti_wide_closest_count RTI_NAME_(rti_wide_closest_count)
+#define rti_wide_any_count RTI_NAME_(rti_wide_any_count)
 #define rti_walk RTI_NAME_(rti_walk)
 #define rti_walk_closest RTI_NAME_(rti_walk_closest)
 #define rti_walk_any RTI_NAME_(rti_walk_any)
@@ -9726,6 +9971,245 @@ RTI_NOINLINE RTI_TARGET void rti_thread_groups(const rt_accel *accel, rti_packet
 
 #if RTI_IN(HOST)
 
+/* ---- >>single ------------------------------------------------------------------------------------------------------- */
+
+#if RTI_WIDTH > 1
+
+/* RT_BVH_WIDE: rays of a packet go one after the other, and each meets the boxes of a node's children, or the triangles of a leaf, RTI_WIDTH
+   at a time. The test that decides is rti_hit_triangle's, with triangles in the place of rays: so the hit is the same. */
+
+/* What tests need of one ray, in all lanes; planes: where they start in rti_wide.bounds. */
+typedef struct { rti_v rdir[3], near_org[3], far_org[3], tmin; size_t near_plane[3], far_plane[3]; int lane; } rti_probe;
+
+RTI_FN rti_probe rti_make_probe(const rti_packet *p, int lane)
+{
+    rti_probe r;
+    int k;
+    r.lane = lane;
+    r.tmin = rti_vset(p->tmin[lane]);
+    RTI_UNROLL
+    for (k = 0; k < 3; k++) {
+        const int side = signbit(p->dir[k][lane]) ? 1 : 0;
+        r.rdir[k] = rti_vset(p->rdir[k][lane]);
+        r.near_org[k] = rti_vset(p->plane[side][k][lane]);
+        r.far_org[k] = rti_vset(p->plane[1 - side][k][lane]);
+        r.near_plane[k] = (size_t)(RTI_CHILDREN * (3 * side + k));
+        r.far_plane[k] = (size_t)(RTI_CHILDREN * (3 - 3 * side + k));
+    }
+    return r;
+}
+
+/* The children that the ray meets before t, and where it enters each. */
+RTI_FN unsigned rti_probe_children(const rti_probe *r, const rti_wide *node, float t, float enter[RTI_CHILDREN])
+{
+    unsigned hit = 0;
+    int i;
+    RTI_UNROLL
+    for (i = 0; i < RTI_CHILDREN; i += RTI_WIDTH) {
+        const float *at = node->bounds[0] + i;
+        const rti_v x0 = rti_vplane(rti_vload(at + r->near_plane[0]), r->near_org[0], r->rdir[0]);
+        const rti_v y0 = rti_vplane(rti_vload(at + r->near_plane[1]), r->near_org[1], r->rdir[1]);
+        const rti_v z0 = rti_vplane(rti_vload(at + r->near_plane[2]), r->near_org[2], r->rdir[2]);
+        const rti_v x1 = rti_vplane(rti_vload(at + r->far_plane[0]), r->far_org[0], r->rdir[0]);
+        const rti_v y1 = rti_vplane(rti_vload(at + r->far_plane[1]), r->far_org[1], r->rdir[1]);
+        const rti_v z1 = rti_vplane(rti_vload(at + r->far_plane[2]), r->far_org[2], r->rdir[2]);
+        const rti_v first = rti_vmax(rti_vmax(x0, y0), rti_vmax(z0, r->tmin));
+        const rti_v last = rti_vmin(rti_vmin(x1, y1), rti_vmin(z1, rti_vset(t)));
+        rti_vstore(enter + i, first);
+        hit |= rti_vle(first, last) << i;
+    }
+    return hit;
+}
+
+/* Takes the closest of the triangles of hit; with RT_ANY all of them will do. */
+RTI_FN unsigned rti_accept_lanes(rti_packet *p, int lane, unsigned hit, rti_v t, rti_v u, rti_v v, const uint32_t *prims, uint32_t inst, int flags)
+{
+    const rti_v best = rti_vset(p->t[lane]);
+    float ts[RTI_WIDTH], us[RTI_WIDTH], vs[RTI_WIDTH];
+    unsigned found = 0;
+    hit &= rti_vlt(rti_vset(p->tmin[lane]), t) & (flags & RTI_WALK_ANY ? rti_vlt(t, best) : rti_vle(t, best));
+    if (!hit || flags & RTI_WALK_ANY) return hit ? 1u << lane : 0;
+    rti_vstore(ts, t);
+    rti_vstore(us, u);
+    rti_vstore(vs, v);
+    for (; hit; hit &= hit - 1) {
+        const int i = rti_lowest_bit(hit);
+        if (ts[i] > p->t[lane] || (ts[i] == p->t[lane] && (inst > p->inst.id[lane] || (inst == p->inst.id[lane] && prims[i] >= p->prim.id[lane]))))
+            continue;
+        p->t[lane] = ts[i];
+        p->u[lane] = us[i];
+        p->v[lane] = vs[i];
+        p->prim.id[lane] = prims[i];
+        p->inst.id[lane] = inst;
+        found = 1u << lane;
+    }
+    return found;
+}
+
+/* The triangles of an octet, of which count are some: rti_hit_triangle, line by line. */
+RTI_FN unsigned rti_hit_octet(rti_packet *p, int lane, const rti_octet *octet, uint32_t count, uint32_t inst, const int flags)
+{
+    const int kz = p->axis[2] >> lane & 1 ? 2 : p->axis[1] >> lane & 1 ? 1 : 0, kx = kz == 2 ? 0 : kz + 1, ky = kx == 2 ? 0 : kx + 1;
+    const rti_v ox = rti_vset(p->org[kx][lane]), oy = rti_vset(p->org[ky][lane]), oz = rti_vset(p->org[kz][lane]);
+    const rti_v sx = rti_vset(p->shear[0][lane]), sy = rti_vset(p->shear[1][lane]);
+    unsigned found = 0;
+    uint32_t at;
+    for (at = 0; at < RTI_CHILDREN && at < count; at += RTI_WIDTH) {
+        const float *xs = octet->v[kx] + at, *ys = octet->v[ky] + at, *zs = octet->v[kz] + at;
+        rti_v x[3], y[3], u, v, w;
+        unsigned hit;
+        int i;
+        RTI_UNROLL
+        for (i = 0; i < 3; i++) {
+            const int row = 3 * RTI_CHILDREN * i;
+            const rti_v z = rti_vsub(rti_vload(zs + row), oz);
+            x[i] = rti_vsub(rti_vsub(rti_vload(xs + row), ox), rti_vround(rti_vmul(sx, z)));
+            y[i] = rti_vsub(rti_vsub(rti_vload(ys + row), oy), rti_vround(rti_vmul(sy, z)));
+        }
+        u = rti_edge(x[2], y[2], x[1], y[1]);
+        v = rti_edge(x[0], y[0], x[2], y[2]);
+        w = rti_edge(x[1], y[1], x[0], y[0]);
+        hit = ~(rti_vlt(rti_vmin(rti_vmin(u, v), w), rti_vset(0)) & rti_vlt(rti_vset(0), rti_vmax(rti_vmax(u, v), w)));
+        hit &= RTI_ALL_LANES;
+        if (at + RTI_WIDTH > count) hit &= (1u << (count - at)) - 1;
+        if (hit) {
+            const rti_d ud = rti_edge_exact(x[2], y[2], x[1], y[1]), vd = rti_edge_exact(x[0], y[0], x[2], y[2]);
+            const rti_d wd = rti_edge_exact(x[1], y[1], x[0], y[0]);
+            hit &= rti_dlt(rti_dmin(rti_dmin(ud, vd), wd), rti_dset(0)) ^ rti_dlt(rti_dset(0), rti_dmax(rti_dmax(ud, vd), wd));
+            if (hit) {
+                const rti_d depth = rti_widen(oz), rdet = rti_ddiv(rti_dset(1), rti_dadd(rti_dadd(ud, vd), wd));
+                rti_d td = rti_dadd(rti_product(ud, rti_dsub(rti_widen(rti_vload(zs)), depth)),
+                                    rti_product(vd, rti_dsub(rti_widen(rti_vload(zs + 3 * RTI_CHILDREN)), depth)));
+                td = rti_dadd(td, rti_product(wd, rti_dsub(rti_widen(rti_vload(zs + 6 * RTI_CHILDREN)), depth)));
+                found |= rti_accept_lanes(p, lane, hit, rti_narrow(rti_dmul(rti_dmul(td, rdet), rti_dset(p->rdepth[lane]))),
+                                          rti_narrow(rti_dmul(vd, rdet)), rti_narrow(rti_dmul(wd, rdet)), octet->prim + at, inst, flags);
+                if (flags & RTI_WALK_ANY && found) return found;
+            }
+        }
+    }
+    return found;
+}
+
+/* Where no octets are kept. */
+RTI_NOINLINE RTI_TARGET void rti_gather_octet(const rt_accel *accel, uint32_t first, uint32_t count, rti_octet *octet)
+{
+    uint32_t i;
+    int k;
+    for (i = 0; i < RTI_CHILDREN; i++) {
+        float room[9];
+        const float *v = rti_corners(accel, first + (i < count ? i : 0), room, &octet->prim[i]);
+        for (k = 0; k < 9; k++) octet->v[k][i] = v[k];
+    }
+}
+
+/* Depth first, the nearest child first. What waits lies on a stack, the nearest on top, and is looked at again only where the ray still reaches
+   it. */
+RTI_FN unsigned rti_wide_body(const rt_accel *accel, rti_packet *p, int lane, uint32_t inst, const int flags, const rti_job *job)
+{
+    struct { float enter; uint32_t index, count; } stack[RTI_WIDE_STACK];
+    const rti_wide *const wides = accel->wides;
+    const rti_probe r = rti_make_probe(p, lane);
+    uint32_t index = 0, count = 0;
+    unsigned found = 0;
+    int top = 0;
+    (void)job;
+    for (;;) {
+        while (!count) {
+            const rti_wide *node = wides + index;
+            float enter[RTI_CHILDREN];
+            unsigned hit = rti_probe_children(&r, node, p->t[lane], enter);
+            int i, base;
+            RTI_TALLY(job->stats, flags, nodes, 1);
+            RTI_TALLY(job->stats, flags, boxes, RTI_CHILDREN);
+            RTI_TALLY(job->stats, flags, steps, 1);
+            RTI_TALLY(job->stats, flags, active, 1);
+            if (!hit) goto pop;
+            i = rti_lowest_bit(hit);
+            hit &= hit - 1;
+            for (base = top; hit; hit &= hit - 1) {
+                const int next = rti_lowest_bit(hit);
+                int far = next, at = top++;
+                RTI_TALLY(job->stats, flags, pushes, 1);
+                if (!(flags & RTI_WALK_ANY)) {
+                    if (enter[next] < enter[i]) {
+                        far = i;
+                        i = next;
+                    }
+                    for (; at > base && stack[at - 1].enter < enter[far]; at--) stack[at] = stack[at - 1];
+                }
+                stack[at].enter = enter[far];
+                stack[at].index = node->index[far];
+                stack[at].count = node->count[far];
+            }
+            index = node->index[i];
+            count = node->count[i];
+        }
+        {
+            const uint32_t kind = count >> RTI_KIND_SHIFT, n = count & RTI_COUNT_MASK;
+            unsigned hit = 0;
+            RTI_TALLY(job->stats, flags, leaves, 1);
+            RTI_TALLY(job->stats, flags, prims, n);
+            if (!(flags & RTI_WALK_ALL) || kind == RTI_TRIANGLE) {
+                rti_octet gathered;
+                const rti_octet *octet = accel->octets + index;
+                if (RTI_UNLIKELY(!accel->octets)) rti_gather_octet(accel, index, n, &gathered);
+                hit = rti_hit_octet(p, lane, accel->octets ? octet : &gathered, n, inst, flags);
+            }
+#if RTI_SPHERES
+            else if (kind == RTI_SPHERE) hit = rti_hit_spheres(accel, p, 1u << lane, NULL, index, n, inst, flags);
+#endif
+#if RTI_INSTANCES
+            else hit = rti_hit_instances(accel, p, 1u << lane, NULL, index, n, inst, job);
+#endif
+            found |= hit;
+            if (flags & RTI_WALK_ANY && hit) return found;
+        }
+pop:
+        do {
+            if (!top) return found;
+            top--;
+        } while (!(flags & RTI_WALK_ANY) && !(stack[top].enter <= p->t[lane]));
+        index = stack[top].index;
+        count = stack[top].count;
+    }
+}
+
+#define RTI_WIDE(name, constants)                                                                                              \
+    RTI_NOINLINE RTI_TARGET unsigned name(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job) \
+    {                                                                                                                          \
+        unsigned found = 0;                                                                                                    \
+        for (; live; live &= live - 1) found |= rti_wide_body(accel, p, rti_lowest_bit(live), inst, constants, job);           \
+        return found;                                                                                                          \
+    }
+RTI_WIDE(rti_wide_closest, 0)
+RTI_WIDE(rti_wide_any, RTI_WALK_ANY)
+#if RTI_SPHERES || RTI_INSTANCES
+RTI_WIDE(rti_wide_closest_all, RTI_WALK_ALL)
+RTI_WIDE(rti_wide_any_all, RTI_WALK_ALL | RTI_WALK_ANY)
+#endif
+#if RTI_STATS
+RTI_WIDE(rti_wide_closest_count, RTI_WALK_COUNT | RTI_WALK_ALL)
+RTI_WIDE(rti_wide_any_count, RTI_WALK_COUNT | RTI_WALK_ALL | RTI_WALK_ANY)
+#endif
+#undef RTI_WIDE
+
+RTI_FN unsigned rti_walk_wide(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
+{
+    const bool any = job->query == RT_ANY;
+#if RTI_STATS
+    if (job->stats) return any ? rti_wide_any_count(accel, p, live, inst, job) : rti_wide_closest_count(accel, p, live, inst, job);
+#endif
+#if RTI_SPHERES || RTI_INSTANCES
+    if (accel->slots[RTI_SPHERE] || accel->slots[RTI_INSTANCE])
+        return any ? rti_wide_any_all(accel, p, live, inst, job) : rti_wide_closest_all(accel, p, live, inst, job);
+#endif
+    return any ? rti_wide_any(accel, p, live, inst, job) : rti_wide_closest(accel, p, live, inst, job);
+}
+
+#endif /* RTI_WIDTH > 1 */
+
+/* ---- >>walk --------------------------------------------------------------------------------------------------------- */
+
 /* Leaves out what this accel does not have. */
 RTI_FN unsigned rti_walk_tree(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
 {
@@ -9736,6 +10220,9 @@ RTI_FN unsigned rti_walk_tree(const rt_accel *accel, rti_packet *p, unsigned liv
 #endif
 #if RTI_THREADED
     if (accel->structure == RT_THREADED) return rti_thread_walk(accel, p, live, inst, job);
+#endif
+#if RTI_WIDTH > 1
+    if (job->wide && accel->wides) return rti_walk_wide(accel, p, live, inst, job);
 #endif
 #if RTI_STATS
     if (job->stats) return any ? rti_walk_any_count(accel, p, live, inst, job) : rti_walk_closest_count(accel, p, live, inst, job);
@@ -11446,6 +11933,20 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec
 #undef rti_hit_instances
 #undef rti_hit_leaf
 #undef rti_walk_body
+#undef rti_accept_lanes
+#undef rti_walk_wide
+#undef rti_probe
+#undef rti_make_probe
+#undef rti_probe_children
+#undef rti_hit_octet
+#undef rti_gather_octet
+#undef rti_wide_body
+#undef rti_wide_closest
+#undef rti_wide_any
+#undef rti_wide_closest_all
+#undef rti_wide_any_all
+#undef rti_wide_closest_count
+#undef rti_wide_any_count
 #undef rti_walk
 #undef rti_walk_child
 #undef rti_walk_closest

@@ -886,7 +886,7 @@ static bool rti_gpu_quantize(float origin, float step, float lo, float hi, uint8
     return true;
 }
 
-static void rti_gpu_compress(const rti_gpu_wide *from, int count, rti_gpu_compact *to)
+static void rti_gpu_compress(const rti_wide *from, int count, rti_gpu_compact *to)
 {
     int i, k;
     memset(to, 0, sizeof *to);
@@ -915,7 +915,7 @@ static void rti_gpu_compress(const rti_gpu_wide *from, int count, rti_gpu_compac
 }
 
 /* Collapses the binary tree; answers how many nodes there are, which are written unless to is NULL: a child's number is above its parent's. */
-static bool rti_gpu_widen(rt_gpu *gpu, const rt_accel *accel, void *to, size_t *count, uint32_t *depth)
+static bool rti_widen(rt_gpu *gpu, const rt_accel *accel, void *to, size_t *count, uint32_t *depth)
 {
     /* of each wide node: the binary node it stands for, and its depth; those to come wait behind it */
     typedef struct { uint32_t node, depth; } waiting;
@@ -928,7 +928,7 @@ static bool rti_gpu_widen(rt_gpu *gpu, const rt_accel *accel, void *to, size_t *
     for (done = 0; done < n; done++) {
         uint32_t children[8];
         const int number = rti_gpu_open_children(accel, queue[done].node, children);
-        rti_gpu_wide wide;
+        rti_wide wide;
         int i, k;
         if (queue[done].depth > *depth) *depth = queue[done].depth;
         for (i = 0; i < 8; i++) {
@@ -942,7 +942,7 @@ static bool rti_gpu_widen(rt_gpu *gpu, const rt_accel *accel, void *to, size_t *
             queue[n++].depth = queue[done].depth + 1;
         }
         if (to && gpu->info.gpu) rti_gpu_compress(&wide, number, (rti_gpu_compact *)to + done);
-        else if (to) ((rti_gpu_wide *)to)[done] = wide;
+        else if (to) ((rti_wide *)to)[done] = wide;
     }
     *count = n;
     rti_release(queue, gpu->memory_user);
@@ -976,8 +976,8 @@ static bool rti_gpu_measure(rt_gpu *gpu, rti_gpu_part *part)
     bytes[RTI_GPU_PLANES] = a->plane_count * sizeof(rti_ground);
 #endif
     if (a->structure == RT_BVH && a->node_count) {
-        if (!rti_gpu_widen(gpu, a, NULL, &wide, &part->wide_depth)) return false;
-        bytes[RTI_GPU_WIDE] = wide * (gpu->info.gpu ? sizeof(rti_gpu_compact) : sizeof(rti_gpu_wide));
+        if (!rti_widen(gpu, a, NULL, &wide, &part->wide_depth)) return false;
+        bytes[RTI_GPU_WIDE] = wide * (gpu->info.gpu ? sizeof(rti_gpu_compact) : sizeof(rti_wide));
     }
     return true;
 }
@@ -1015,7 +1015,7 @@ static bool rti_gpu_convert(rti_gpu_upload *u, const rti_gpu_part *part, rti_gpu
     const rt_accel *a = part->accel;
     size_t i, count;
     uint32_t depth;
-    if (array == RTI_GPU_WIDE) return rti_gpu_widen(u->gpu, a, to, &count, &depth);
+    if (array == RTI_GPU_WIDE) return rti_widen(u->gpu, a, to, &count, &depth);
     if (array == RTI_GPU_TRIANGLES)
         for (i = 0; i < a->slots[RTI_TRIANGLE]; i++) {
             rti_triangle *triangle = (rti_triangle *)to + i;
@@ -1483,7 +1483,7 @@ static void rti_gpu_define_all(rti_gpu_source *s, const rt_gpu *gpu, const rti_g
     rti_gpu_define(s, "RTI_GPU %d", (int)gpu->info.gpu);
     rti_gpu_define(s, "RTI_CALL static%s", gpu->info.gpu ? "" : " __attribute__((noinline))");
     rti_gpu_define(s, "RTI_NOINLINE RTI_CALL");
-    rti_gpu_define(s, "RTI_WIDE_NODE %s", gpu->info.gpu ? "rti_gpu_compact" : "rti_gpu_wide");
+    rti_gpu_define(s, "RTI_WIDE_NODE %s", gpu->info.gpu ? "rti_gpu_compact" : "rti_wide");
     rti_gpu_define(s, "RTI_QUERY %u", key->query);
     if (key->general) {
         rti_gpu_define(s, "RTI_ALGORITHM algorithm");

@@ -33,16 +33,9 @@ typedef char rti_check_instance[sizeof(rti_gpu_instance) == 152 ? 1 : -1];
 )
 #endif
 
-/* A node of RT_BVH_WIDE: 8 children, by coordinate. A child is an inner node, its count 0, or a leaf as in rti_node; where there is none,
-   index is 0 too, and its box infinitely far, which most rays miss. */
-RTI_SHARED(
-typedef struct { float bounds[6][8]; uint32_t index[8], count[8]; } rti_gpu_wide;
-)
-
-/* The same for GPUs, half of it: planes in steps of 2^exponent from an origin, rounded outwards. */
+/* rti_wide for GPUs, half of it, and for a device without octets, its leaves those of the binary tree: planes in steps of 2^exponent from an origin, rounded outwards. */
 RTI_SHARED(
 typedef struct { float origin[3]; signed char exponent[4]; uint8_t bounds[6][8]; uint32_t index[8], count[8]; } rti_gpu_compact;
-typedef char rti_check_wide[sizeof(rti_gpu_wide) == 256 ? 1 : -1];
 typedef char rti_check_compact[sizeof(rti_gpu_compact) == 128 ? 1 : -1];
 )
 
@@ -412,7 +405,7 @@ RTI_FN unsigned rti_hit_children(const rti_slabs *s, const RTI_GLOBAL rti_gpu_co
 )
 "#else\n"
 RTI_SHARED(
-RTI_FN float8 rti_planes8(const RTI_GLOBAL rti_gpu_wide *node, int plane, float org, float rdir)
+RTI_FN float8 rti_planes8(const RTI_GLOBAL rti_wide *node, int plane, float org, float rdir)
 {
     const float8 planes = vload8(0, node->bounds[plane]);
     if (RTI_FMA) return fma(planes, (float8)(rdir), (float8)(-org));
@@ -420,7 +413,7 @@ RTI_FN float8 rti_planes8(const RTI_GLOBAL rti_gpu_wide *node, int plane, float 
 }
 RTI_FN float8 rti_min8(float8 a, float8 b) { return a < b ? a : b; }
 RTI_FN float8 rti_max8(float8 a, float8 b) { return a > b ? a : b; }
-RTI_FN unsigned rti_hit_children(const rti_slabs *s, const RTI_GLOBAL rti_gpu_wide *node, float tmax, float *enter)
+RTI_FN unsigned rti_hit_children(const rti_slabs *s, const RTI_GLOBAL rti_wide *node, float tmax, float *enter)
 {
     const float8 x0 = rti_planes8(node, s->x.near_plane, s->x.near_org, s->x.rdir), x1 = rti_planes8(node, s->x.far_plane, s->x.far_org, s->x.rdir);
     const float8 y0 = rti_planes8(node, s->y.near_plane, s->y.near_org, s->y.rdir), y1 = rti_planes8(node, s->y.far_plane, s->y.far_org, s->y.rdir);

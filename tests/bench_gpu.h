@@ -455,7 +455,7 @@ static void gpu_print_memory(gpu_bench *g, const gpu_side *side)
     int structure, round;
 
     printf("  bytes: node of bvh.stack %zu, of bvh.wide %zu for 8 children, of kd %zu, of threaded %zu; triangle %zu, sphere %zu; ray %zu, hit %zu\n",
-           sizeof(rti_node), g->device.gpu ? sizeof(rti_gpu_compact) : sizeof(rti_gpu_wide), sizeof(rti_kdnode), sizeof(rti_node) + sizeof(rti_link),
+           sizeof(rti_node), g->device.gpu ? sizeof(rti_gpu_compact) : sizeof(rti_wide), sizeof(rti_kdnode), sizeof(rti_node) + sizeof(rti_link),
            sizeof(rti_triangle), sizeof(rti_ball), sizeof(rt_ray), sizeof(rt_hit));
     printf("  bytes a primitive on the device:");
     for (structure = 0; structure < RT_STRUCTURE_COUNT; structure++)
