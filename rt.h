@@ -1127,9 +1127,11 @@ typedef struct { union { float split; uint32_t count; } as; uint32_t word; } rti
 typedef struct { float bounds[6]; uint32_t parent; } rti_kdlink;
 )
 /* node of RT_BVH_WIDE, 256 bytes: 8 children, by coordinate. A child is an inner node, its count 0, or a leaf, its count as in rti_node and its
-   index that of an octet, or, without octets, of the first slot. Where there is no child both are 0, and the box, upside down, is missed.
+   index that of an octet, or, without octets, of the first slot. Where there is no child is a leaf with nothing in it, whose box, upside down,
+   is missed by all but the shortest rays, which may miss no box.
    octet, 320 bytes: the triangles of a leaf side by side; what is left of it repeats the first. */
 #define RTI_CHILDREN 8
+#define RTI_NO_CHILD ((uint32_t)RTI_KINDS << RTI_KIND_SHIFT)
 #define RTI_WIDE_STACK (RTI_MAX_DEPTH * (RTI_CHILDREN - 1) + RTI_CHILDREN)
 RTI_SHARED(
 typedef struct { float bounds[6][8]; uint32_t index[8], count[8]; } rti_wide;
@@ -2611,7 +2613,8 @@ static void rti_collapse(rt_accel *accel, const uint8_t *sizes)
         for (i = 0; i < RTI_CHILDREN; i++) {
             const rti_node *node = i < n ? &accel->nodes[children[i]] : NULL;
             for (k = 0; k < 6; k++) wide->bounds[k][i] = node ? node->bounds[k] : k < 3 ? RTI_INFINITY : -RTI_INFINITY;
-            wide->index[i] = wide->count[i] = 0;
+            wide->index[i] = 0;
+            wide->count[i] = node ? 0 : RTI_NO_CHILD;
             if (!node) continue;
             if (sizes[children[i]]) {
                 while (!node->count) node = &accel->nodes[node->index];         /* the first slot */
@@ -4181,7 +4184,7 @@ static void rti_refit_wide(rt_accel *accel, const rt_geometry *geo)
             rti_node leaf;
             leaf.index = wide->index[i];
             leaf.count = wide->count[i];
-            if (!(leaf.index | leaf.count)) continue;
+            if (leaf.count == RTI_NO_CHILD) continue;
             if (!leaf.count || (accel->octets && rti_leaf_kind(&leaf) == RTI_TRIANGLE))
                 for (k = 0; k < 3; k++)
                     for (lane = 0; lane < (leaf.count ? 3 : 1) * RTI_CHILDREN; lane++) {        /* 8 boxes, or 3 vertices of 8 triangles */
@@ -4522,10 +4525,11 @@ typedef struct { uint64_t unused; } rt_stats;
 #define RTI_COUNTS(job) false
 #endif
 
-/* What RT_AUTO learns, see rti_batch_auto: ticks of a ray, by RT_BVH_SIMD and by large packets; 0: not tried. */
+/* What RT_AUTO learns, see rti_batch_auto: ticks of a ray, by each way to trace a BVH. */
+enum { RTI_BY_LARGE, RTI_BY_SIMD, RTI_BY_WIDE, RTI_WAYS };
 typedef struct {
-    float cost[2];
-    unsigned trials, rest;                  /* rest: packets until the next trial is done, which are the last two; 0: now */
+    float cost[RTI_WAYS];
+    unsigned trials, rest;                  /* rest: packets until the next trial is done, which are the last, one a way; 0: now */
 } rti_tuner;
 
 /* One call of rt_trace, resolved. */
@@ -4574,14 +4578,14 @@ RTI_INLINE uint64_t rti_ticks(void)
 }
 
 /* A trial has taken ticks a ray. Means at first, which then fade slowly; a trial that something else has interrupted counts little. */
-static void rti_learn(rti_tuner *tuner, bool large, float ticks)
+static void rti_learn(rti_tuner *tuner, int way, int ways, float ticks)
 {
-    float *cost = &tuner->cost[large];
+    float *cost = &tuner->cost[way];
     const float weight = tuner->trials < 8 ? 1 / (float)(tuner->trials + 1) : 0.125f;
     if (tuner->trials && ticks > 2 * *cost) ticks = 2 * *cost;
     *cost += weight * (ticks - *cost);
-    if (large) tuner->rest = 1;
-    else tuner->rest = ++tuner->trials < 4 ? RTI_TRIALS / 4 : RTI_TRIALS;
+    tuner->rest = (unsigned)(ways - 1 - way);
+    if (!tuner->rest) tuner->rest = ++tuner->trials < 4 ? RTI_TRIALS / 4 : RTI_TRIALS;
 }
 #endif
 
@@ -8121,7 +8125,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
     memset(&r, 0, sizeof r);
     if ((status = rti_choose(scene->accel, &opt->trace, RTI_BLOCK_RAYS, &r.batch, &r.job)) != RT_OK) return status;
     rti_choose_shaders(&r, opt->trace.isa);
-    r.tuners[0][RTI_EYE].cost[0] = 1;       /* a tile is too short to try what never was slower by much: eye rays go as large packets */
+    r.tuners[0][RTI_EYE].cost[RTI_BY_SIMD] = r.tuners[0][RTI_EYE].cost[RTI_BY_WIDE] = 1;        /* a tile is too short to try what never was slower by much: eye rays go as large packets */
     r.tuners[0][RTI_EYE].rest = UINT_MAX;
     r.raster = opt->raster;
     r.spp = rti_spp_of(opt);
@@ -11291,31 +11295,41 @@ RTI_NOINLINE RTI_TARGET void rti_batch_largest(const rt_accel *accel, const rti_
     rti_batch_packets(accel, job, rays, 0, count, count, hits, packets);
 }
 
-/* RT_AUTO on a BVH. [Overbeck] Table 1 has Ranged with culling for rays that stay together, and here RT_BVH_SIMD is faster than Partition
-   for those that do not. Which they are is found by trying: now and then a packet of 16 x 16, or two, goes as a large one and the
-   next does not, by the clock, and the others as it was faster. Counts of nodes, boxes and triangles foretell the time within 40 % only,
-   since coherence is in the branches too. Hits do not tell how they were found; rt_stats would, so with them, as without a clock, large
-   packets are taken for closest hits alone. */
+/* RT_AUTO on a BVH. [Overbeck] Table 1 has Ranged with culling for rays that stay together; here SIMD rays are faster than Partition for
+   those that soon part, and for those that have nothing in common single rays and wide nodes. Which they are is found by trying: now and then
+   a packet of 16 x 16, or two, goes each of these ways, by the clock, and the others as it was faster. Counts of nodes, boxes and triangles
+   foretell the time within 40 % only, since coherence is in the branches too. Hits do not tell how they were found; rt_stats would, so with
+   them, as without a clock, large packets are taken for closest hits and SIMD rays for any. */
 RTI_NOINLINE RTI_TARGET void rti_batch_auto(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
 {
     const bool timed = rti_ticks() && !job->stats;
+    const unsigned ways = accel->wides ? RTI_WAYS : RTI_BY_WIDE;
     rti_packet packets[RTI_SIMD_RAYS / 4];
-    rti_tuner fresh = { { 0, 0 }, 0, 0 }, *tuner = job->tuner ? job->tuner : &fresh;
+    rti_tuner fresh, *tuner = job->tuner ? job->tuner : &fresh;
     rti_job part = *job;
     size_t first, last;
+    memset(&fresh, 0, sizeof fresh);
     part.large = RT_BVH_RANGED;
     part.side = 16;
     part.cull = RT_CULL_BOTH;
     for (first = 0; first < count; first = last) {
         const size_t left = count - first, sample = left < 16 * RTI_AUTO_RAYS ? RTI_AUTO_RAYS : 2 * RTI_AUTO_RAYS;
-        const size_t most = !timed ? left : tuner->rest > 2 ? (size_t)(tuner->rest - 2) * RTI_AUTO_RAYS : sample;
-        const bool few = left < RTI_AUTO_RAYS / 4, trial = timed && tuner->rest <= 2 && !few;   /* few: they cannot stay together */
-        const bool large = !few && (trial ? tuner->rest != 1 : timed ? tuner->cost[1] < tuner->cost[0] : job->query == RT_CLOSEST);
-        const uint64_t start = trial ? rti_ticks() : 0;
+        const size_t most = !timed ? left : tuner->rest > ways ? (size_t)(tuner->rest - ways) * RTI_AUTO_RAYS : sample;
+        const bool few = left < RTI_AUTO_RAYS / 4, trial = timed && tuner->rest <= ways && !few;        /* few: they cannot stay together */
+        int way = job->query == RT_CLOSEST && !few ? RTI_BY_LARGE : RTI_BY_SIMD;
+        uint64_t start = 0;
+        unsigned i;
+        if (trial) {
+            way = tuner->rest ? (int)(ways - tuner->rest) : 0;
+            start = rti_ticks();
+        } else if (timed && !few)
+            for (way = 0, i = 1; i < ways; i++)
+                if (tuner->cost[i] < tuner->cost[way]) way = (int)i;
         last = left < most ? count : first + most;
-        if (large) rti_batch_packets(accel, &part, rays, first, last, count, hits, packets);
+        part.wide = way == RTI_BY_WIDE;
+        if (way == RTI_BY_LARGE) rti_batch_packets(accel, &part, rays, first, last, count, hits, packets);
         else rti_batch_run(accel, &part, rays, first, last, hits);
-        if (trial) rti_learn(tuner, large, (float)(rti_ticks() - start) / (float)(last - first));
+        if (trial) rti_learn(tuner, way, (int)ways, (float)(rti_ticks() - start) / (float)(last - first));
         else if (timed && !few) tuner->rest -= (unsigned)((last - first + RTI_AUTO_RAYS - 1) / RTI_AUTO_RAYS);
     }
 }

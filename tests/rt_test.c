@@ -4131,6 +4131,61 @@ static void rtt_test_kd_info(void)
         }
 }
 
+/* no_wide saves bytes; what then lacks says why, and single rays go on without. */
+static void rtt_test_no_wide(void)
+{
+    rtt_random random = rtt_stream();
+
+    for (size_t scene = 0; scene < RTT_COUNT(rtt_scenes); scene++) {
+        rtt_model model = { 0 }, child = { 0 };
+        rtt_rays rays = { 0 };
+        rtt_memory memory[2];
+        rt_build_options options;
+        rt_geometry geometry;
+        rt_accel *accel[2];
+        rt_info info[2];
+        rt_trace_options wide;
+        rt_hit *want;
+
+        rtt_scene_make(&model, &child, &random, scene, 0);
+        geometry = rtt_geometry(&model);
+        memset(memory, 0, sizeof memory);
+        memset(&options, 0, sizeof options);
+        for (int without = 0; without < 2; without++) {
+            options.no_wide = without == 1;
+            options.memory_user = &memory[without];
+            if (!CHECK_STATUS(rt_build(&accel[without], &geometry, &options), RT_OK))
+                return;
+            rt_get_info(accel[without], &info[without]);
+            CHECK(memory[without].live - info[without].bytes < 4);     /* 1 an empty array */
+        }
+        CHECK(info[1].bytes < info[0].bytes && info[1].nodes == info[0].nodes);
+        rtt_rays_planes(&rays, &random, &model, 1, 0, 40);
+        want = (rt_hit *)rtt_array(rays.count, sizeof *want);
+        rtt_oracle_all(&model, &rays, want);
+        memset(&wide, 0, sizeof wide);
+        wide.algorithm = RT_BVH_WIDE;
+        rtt_refused(accel[1], wide, RT_ERROR_ARGUMENT, "no_wide");
+        for (int without = 0; without < 2; without++) {
+            for (size_t i = 0; i < rays.count; i++) {
+                rt_hit hit;
+
+                if (rt_intersect(accel[without], &rays.ray[i], &hit) != (want[i].prim != RT_NONE) || memcmp(&hit, &want[i], sizeof hit) != 0
+                    || rt_occluded(accel[without], &rays.ray[i]) != (want[i].prim != RT_NONE)) {
+                    rtt_fail("%s: ray %zu differs, %s wide nodes", rtt_scenes[scene].name, i, without ? "without" : "with");
+                    break;
+                }
+            }
+            rt_free(accel[without]);
+            CHECK(memory[without].live == 0 && memory[without].blocks == 0);
+        }
+        free(want);
+        rtt_rays_free(&rays);
+        rtt_model_free(&model);
+        rtt_model_free(&child);
+    }
+}
+
 /* What each option of the builder is for: no gain from empty space without a bonus, a deeper tree where nodes are cheap. */
 static void rtt_test_kd_options(void)
 {
@@ -10447,6 +10502,7 @@ static const rtt_test rtt_tests[] = {
     { "kdtree.nested", rtt_test_kd_nested },
     { "kdtree.revisits", rtt_test_kd_revisits },
     { "kdtree.limits", rtt_test_kd_limits },
+    { "build.no-wide", rtt_test_no_wide },
     { "kdtree.info", rtt_test_kd_info },
     { "kdtree.options", rtt_test_kd_options },
     { "kdtree.refused", rtt_test_kd_refused },
