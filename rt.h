@@ -4962,7 +4962,7 @@ static const rt_algorithm_info rti_algorithms[] = {
 #define RTI_BUILT(a) ((a) == RT_AUTO || (a) == RT_BVH_STACK || (RTI_PACKETS && ((a) == RT_BVH_SIMD || (a) == RT_BVH_WIDE)) || RTI_LARGE(a) || \
                       (RTI_KDTREE && (a) >= RT_KD_STACK && (a) <= RT_KD_BACKTRACK) || \
                       (RTI_THREADED && ((a) == RT_THREADED_SINGLE || (RTI_PACKETS && (a) == RT_THREADED_PARALLEL))))
-#define RTI_PACKET(a) (RTI_PACKETS && ((a) == RT_AUTO || (a) == RT_BVH_SIMD || RTI_LARGE(a) || \
+#define RTI_PACKET(a) (RTI_PACKETS && ((a) == RT_AUTO || (a) == RT_BVH_SIMD || (a) == RT_BVH_WIDE || RTI_LARGE(a) || \
                                        (RTI_KDTREE && (a) >= RT_KD_STACK && (a) < RT_KD_BACKTRACK) || \
                                        (RTI_THREADED && (a) == RT_THREADED_PARALLEL)))
 #define RTI_ROW(name, text, structure, what) { text, what, name, structure, RTI_BUILT(name), RTI_PACKET(name), RTI_LARGE(name) },
@@ -4989,10 +4989,13 @@ static rti_batch_function rti_batch_of(rt_algorithm algorithm, int width, rt_isa
     const bool packet = rti_algorithms[algorithm].packets && !large && !parallel, tries = packet && algorithm == RT_AUTO && !width;
     if (isa == RT_ISA_AUTO) isa = rt_best_isa();
 #if RTI_PACKETS
+    if (algorithm == RT_BVH_WIDE) {
+        const bool single_rays = width == 1, beams = width == 4 || width == 8 || width == 16;
 #if RTI_X86
-    if (algorithm == RT_BVH_WIDE && width == 1 && isa == RT_ISA_AVX2) return rti_batch_8;
+        if (isa == RT_ISA_AVX2) return single_rays ? rti_batch_8 : beams ? rti_batch_large_8 : NULL;
 #endif
-    if (algorithm == RT_BVH_WIDE && width == 1) return rti_batch_4;
+        return single_rays ? rti_batch_4 : beams ? rti_batch_large_4 : NULL;
+    }
 #endif
 #if RTI_X86 && !RTI_MSVC
     if (single && width == 1 && isa == RT_ISA_AVX2) return rti_batch_1_avx2;
@@ -5158,6 +5161,7 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
     if (!width) {
         if (RTI_LARGE(opt->algorithm)) width = 16;
         else if (opt->algorithm == RT_THREADED_PARALLEL) width = 8;
+        else if (opt->algorithm == RT_BVH_WIDE) width = 1;
         else if (opt->algorithm != RT_AUTO) width = widths[n - 1];
         else if (count < 4) width = 1;
         else if (!RTI_PACKETS || accel->structure != RT_BVH || count < RTI_AUTO_RAYS / 4) width = widths[n - 1];    /* else 0: by trying */
@@ -5173,9 +5177,9 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
 #endif
     job->algorithm = info->structure == RT_KDTREE ? opt->algorithm : RT_KD_STACK;
     job->entries = job->algorithm != RT_KD_SHORTSTACK ? 0 : opt->short_stack ? opt->short_stack : 3;
-    job->large = opt->algorithm;
+    job->large = opt->algorithm == RT_BVH_WIDE ? RT_BVH_RANGED : opt->algorithm;
     job->side = width;
-    job->cull = opt->cull;
+    job->cull = opt->algorithm == RT_BVH_WIDE ? RT_CULL_BOTH : opt->cull;
     job->times = opt->times;
     job->wide = wide;
     job->tuner = NULL;
@@ -8164,7 +8168,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 /* v: RTI_WIDTH floats; d: RTI_WIDTH doubles; a set of lanes is an unsigned, bit i for lane i. vmin and vmax answer the second operand
    where either is NaN; vfma, a * b + c, may round once or twice: it is not for what must agree. vplane is how far along a ray an
    axis-aligned plane lies; its origin is what vorigin makes of the ray's. vquad repeats four numbers; vapart tells whether, of lanes 0 to
-   3, the least of a is below the greatest of b. Every name gets the pass's suffix, so a profile shows which one ran. */
+   3, the least of a is below the greatest of b; vleast and vmost are the least and the greatest lane. Every name gets the pass's suffix, so a profile shows which one ran. */
 #define RTI_NAME_(name) RTI_PASTE(name, RTI_SUFFIX)
 #define rti_v RTI_NAME_(rti_v)
 #define rti_d RTI_NAME_(rti_d)
@@ -8296,7 +8300,20 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_batch_parallel RTI_NAME_(rti_batch_parallel)
 #define rti_vfma RTI_NAME_(rti_vfma)
 #define rti_vquad RTI_NAME_(rti_vquad)
+#define rti_beam RTI_NAME_(rti_beam)
+#define rti_views RTI_NAME_(rti_views)
+#define rti_view RTI_NAME_(rti_view)
+#define rti_measure_beam RTI_NAME_(rti_measure_beam)
+#define rti_make_beam RTI_NAME_(rti_make_beam)
+#define rti_beam_meets RTI_NAME_(rti_beam_meets)
+#define rti_beam_reaches RTI_NAME_(rti_beam_reaches)
+#define rti_lowest_of RTI_NAME_(rti_lowest_of)
+#define rti_beam_octet RTI_NAME_(rti_beam_octet)
+#define rti_beam_body RTI_NAME_(rti_beam_body)
+#define rti_walk_beam RTI_NAME_(rti_walk_beam)
 #define rti_vapart RTI_NAME_(rti_vapart)
+#define rti_vleast RTI_NAME_(rti_vleast)
+#define rti_vmost RTI_NAME_(rti_vmost)
 #define rti_large RTI_NAME_(rti_large)
 #define rti_door RTI_NAME_(rti_door)
 #define rti_make_door RTI_NAME_(rti_make_door)
@@ -8441,6 +8458,20 @@ RTI_FN rti_v rti_vorigin(rti_v org, rti_v rdir) { (void)rdir; return org; }
 RTI_FN rti_v rti_vplane(rti_v plane, rti_v org, rti_v rdir) { RTI_EACH(rti_v, (plane.f[i] - org.f[i]) * rdir.f[i]); }
 RTI_FN rti_v rti_vfma(rti_v a, rti_v b, rti_v c) { RTI_EACH(rti_v, a.f[i] * b.f[i] + c.f[i]); }
 RTI_FN rti_v rti_vquad(float x, float y, float z, float w) { const float q[4] = { x, y, z, w }; { RTI_EACH(rti_v, q[i % 4]); } }
+RTI_FN float rti_vleast(rti_v a)
+{
+    float least = a.f[0];
+    int i;
+    for (i = 1; i < RTI_WIDTH; i++) least = a.f[i] < least ? a.f[i] : least;
+    return least;
+}
+RTI_FN float rti_vmost(rti_v a)
+{
+    float most = a.f[0];
+    int i;
+    for (i = 1; i < RTI_WIDTH; i++) most = a.f[i] > most ? a.f[i] : most;
+    return most;
+}
 RTI_FN bool rti_vapart(rti_v a, rti_v b)
 {
     float least = a.f[0], most = b.f[0];
@@ -8500,6 +8531,16 @@ RTI_FN rti_v rti_vorigin(rti_v org, rti_v rdir) { (void)rdir; return org; }
 RTI_FN rti_v rti_vplane(rti_v plane, rti_v org, rti_v rdir) { return _mm_mul_ps(_mm_sub_ps(plane, org), rdir); }
 RTI_FN rti_v rti_vfma(rti_v a, rti_v b, rti_v c) { return _mm_add_ps(_mm_mul_ps(a, b), c); }
 RTI_FN rti_v rti_vquad(float x, float y, float z, float w) { return _mm_set_ps(w, z, y, x); }
+RTI_FN float rti_vleast(rti_v a)
+{
+    a = _mm_min_ps(a, _mm_movehl_ps(a, a));
+    return _mm_cvtss_f32(_mm_min_ss(a, _mm_shuffle_ps(a, a, 1)));
+}
+RTI_FN float rti_vmost(rti_v a)
+{
+    a = _mm_max_ps(a, _mm_movehl_ps(a, a));
+    return _mm_cvtss_f32(_mm_max_ss(a, _mm_shuffle_ps(a, a, 1)));
+}
 RTI_FN bool rti_vapart(rti_v a, rti_v b)
 {
     __m128 least = a, most = b;
@@ -8571,6 +8612,18 @@ RTI_FN rti_v rti_vorigin(rti_v org, rti_v rdir) { return _mm256_mul_ps(org, rdir
 RTI_FN rti_v rti_vplane(rti_v plane, rti_v org_rdir, rti_v rdir) { return _mm256_fmsub_ps(plane, rdir, org_rdir); }
 RTI_FN rti_v rti_vfma(rti_v a, rti_v b, rti_v c) { return _mm256_fmadd_ps(a, b, c); }
 RTI_FN rti_v rti_vquad(float x, float y, float z, float w) { return _mm256_set_ps(w, z, y, x, w, z, y, x); }
+RTI_FN float rti_vleast(rti_v a)
+{
+    __m128 x = _mm_min_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps(a, 1));
+    x = _mm_min_ps(x, _mm_movehl_ps(x, x));
+    return _mm_cvtss_f32(_mm_min_ss(x, _mm_shuffle_ps(x, x, 1)));
+}
+RTI_FN float rti_vmost(rti_v a)
+{
+    __m128 x = _mm_max_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps(a, 1));
+    x = _mm_max_ps(x, _mm_movehl_ps(x, x));
+    return _mm_cvtss_f32(_mm_max_ss(x, _mm_shuffle_ps(x, x, 1)));
+}
 RTI_FN bool rti_vapart(rti_v a, rti_v b)
 {
     __m128 least = _mm256_castps256_ps128(a), most = _mm256_castps256_ps128(b);
@@ -10328,16 +10381,8 @@ RTI_FN unsigned rti_pass(const rti_large *g, const rti_door *door, const rti_pac
 /* Smallest and largest lane. */
 RTI_FN void rti_lane_range(rti_v a, rti_v b, float *low, float *high)
 {
-    float lows[RTI_WIDTH], highs[RTI_WIDTH];
-    int i;
-    rti_vstore(lows, a);
-    rti_vstore(highs, b);
-    *low = lows[0];
-    *high = highs[0];
-    for (i = 1; i < RTI_WIDTH; i++) {
-        *low = lows[i] < *low ? lows[i] : *low;
-        *high = highs[i] > *high ? highs[i] : *high;
-    }
+    *low = rti_vleast(a);
+    *high = rti_vmost(b);
 }
 
 /* Lane by lane over all rays: least and greatest of three numbers. */
@@ -10957,6 +11002,289 @@ RTI_LARGE_WALK(rti_walk_partition_count, RT_BVH_PARTITION, RTI_WALK_COUNT)
 #endif
 #undef RTI_LARGE_WALK
 
+/* ---- >>beams -------------------------------------------------------------------------------------------------------- */
+
+/* RT_BVH_WIDE in large packets: rays through one point, the apex of their frustum, where they start or where they end. Seen from there a box,
+   or a triangle, is a rectangle of slopes u / k and v / k from some s on, and a SIMD ray a smaller rectangle up to the s that it still has to
+   look at. So 8 children are compared with all rays at once, and each that is left with 8 SIMD rays at once: no ray is tested against a
+   box. Rectangles are moved out by twice the frustum's pad: what a quotient rounds is less than once. */
+
+#define RTI_BEAM (256 / RTI_WIDTH)          /* SIMD rays, at most 64: a set of them is a uint64_t */
+
+typedef struct {
+    float low[2][RTI_BEAM], high[2][RTI_BEAM];      /* of each SIMD ray: its slopes; */
+    float reach[RTI_BEAM];                  /* the s up to which it needs hits; below 0: it needs none */
+    float farthest;                         /* of those */
+} rti_beam;
+
+/* RTI_WIDTH rectangles, and where they begin. */
+typedef struct { rti_v low[2], high[2], from; } rti_views;
+
+/* Of boxes in space, as seen from the apex and with the frustum's sign: along u and v, and along k from s on; pad: of all. */
+RTI_FN rti_views rti_view(const rti_v low[2], const rti_v high[2], rti_v from, rti_v to, float pad)
+{
+    const rti_v more = rti_vset(pad), least = rti_vset(1e-30f);
+    const rti_v near = rti_vdiv(rti_vset(1), rti_vmax(rti_vsub(from, more), least)), far = rti_vdiv(rti_vset(1), rti_vmax(rti_vadd(to, more), least));
+    rti_views r;
+    int a;
+    r.from = rti_vsub(from, more);
+    RTI_UNROLL
+    for (a = 0; a < 2; a++) {
+        const rti_v lo = rti_vsub(low[a], more), hi = rti_vadd(high[a], more);
+        r.low[a] = rti_vmin(rti_vmul(lo, near), rti_vmul(lo, far));
+        r.high[a] = rti_vmax(rti_vmul(hi, near), rti_vmul(hi, far));
+    }
+    return r;
+}
+
+/* Slopes of all SIMD rays, and how far they reach. */
+RTI_FN void rti_measure_beam(const rti_large *g, int i, rti_beam *b)
+{
+    const rti_packet *p = &g->rays[i];
+    const rti_frustum *f = &g->frustum;
+    rti_v depth = rti_vabs(rti_vload(p->dir[f->k]));
+    if (!p->live) b->reach[i] = -RTI_INFINITY;
+    else b->reach[i] = rti_vmost(rti_vmul(depth, f->to_point ? rti_vsub(rti_vset(1), rti_vload(p->tmin)) : rti_vload(p->t)));
+    b->reach[i] += b->reach[i] * 1e-6f + f->pad;
+}
+
+RTI_FN void rti_make_beam(const rti_large *g, rti_beam *b)
+{
+    int i, a;
+    b->farthest = -RTI_INFINITY;
+    for (i = 0; i < RTI_BEAM; i++) {
+        if (i >= g->count) {
+            b->reach[i] = -RTI_INFINITY;
+            for (a = 0; a < 2; a++) b->low[a][i] = b->high[a][i] = 0;
+            continue;
+        }
+        for (a = 0; a < 2; a++) {
+            const rti_v slope = rti_vload(g->rays[i].slope[a]);
+            b->low[a][i] = rti_vleast(slope);
+            b->high[a][i] = rti_vmost(slope);
+        }
+        rti_measure_beam(g, i, b);
+        if (b->reach[i] > b->farthest) b->farthest = b->reach[i];
+    }
+}
+
+/* Those of list that a rectangle meets. */
+RTI_FN uint64_t rti_beam_meets(const rti_beam *b, uint64_t list, const float low[2], const float high[2], float from)
+{
+    const rti_v l0 = rti_vset(low[0]), h0 = rti_vset(high[0]), l1 = rti_vset(low[1]), h1 = rti_vset(high[1]), at = rti_vset(from);
+    uint64_t met = 0;
+    int i;
+    for (i = 0; i < RTI_BEAM; i += RTI_WIDTH) {
+        unsigned in;
+        if (!(list >> i & RTI_ALL_LANES)) continue;
+        in = rti_vle(rti_vload(b->low[0] + i), h0) & rti_vle(l0, rti_vload(b->high[0] + i)) & rti_vle(at, rti_vload(b->reach + i));
+        met |= (uint64_t)(in & rti_vle(rti_vload(b->low[1] + i), h1) & rti_vle(l1, rti_vload(b->high[1] + i))) << i;
+    }
+    return met & list;
+}
+
+/* Those that still reach s. */
+RTI_FN uint64_t rti_beam_reaches(const rti_beam *b, uint64_t list, float s)
+{
+    uint64_t met = 0;
+    int i;
+    for (i = 0; i < RTI_BEAM; i += RTI_WIDTH)
+        if (list >> i & RTI_ALL_LANES) met |= (uint64_t)rti_vle(rti_vset(s), rti_vload(b->reach + i)) << i;
+    return met & list;
+}
+
+RTI_FN int rti_lowest_of(uint64_t bits)
+{
+#if defined(__GNUC__) || defined(__clang__)
+    return __builtin_ctzll(bits);
+#else
+    return (uint32_t)bits ? rti_lowest_bit((uint32_t)bits) : 32 + rti_lowest_bit((uint32_t)(bits >> 32));
+#endif
+}
+
+/* The triangles of an octet: their rectangles tell which SIMD rays are asked, edges which lanes of them are tested. */
+RTI_NOINLINE RTI_TARGET void rti_beam_octet(rti_large *g, rti_beam *b, const rti_octet *octet, uint32_t count, uint64_t list, uint32_t inst,
+                                            const rti_job *job)
+{
+    const rti_frustum *f = &g->frustum;
+    const bool any = job->query == RT_ANY;
+    rti_facets t;
+    uint32_t at;
+    int i, k;
+    for (at = 0; at < RTI_CHILDREN && at < count; at += RTI_WIDTH) {
+        const unsigned n = count - at < RTI_WIDTH ? count - at : RTI_WIDTH;
+        const rti_v sign = rti_vset(f->sign), start = rti_vset(f->apex[f->k]);
+        rti_v low[2], high[2], s[3], from, to;
+        float from_s[RTI_WIDTH], lows[2][RTI_WIDTH], highs[2][RTI_WIDTH];
+        rti_views views;
+        unsigned kept = RTI_ALL_LANES >> (RTI_WIDTH - n);
+        RTI_UNROLL
+        for (k = 0; k < 9; k++) rti_vstore(t.corner[k], rti_vload(octet->v[k] + at));
+        RTI_UNROLL
+        for (i = 0; i < 3; i++) s[i] = rti_vmul(rti_vsub(rti_vload(t.corner[3 * i + f->k]), start), sign);
+        from = rti_vmin(rti_vmin(s[0], s[1]), s[2]);
+        to = rti_vmax(rti_vmax(s[0], s[1]), s[2]);
+        RTI_UNROLL
+        for (k = 0; k < 2; k++) {
+            const int axis = k ? f->v : f->u;
+            rti_v x[3];
+            RTI_UNROLL
+            for (i = 0; i < 3; i++) x[i] = rti_vmul(rti_vsub(rti_vload(t.corner[3 * i + axis]), rti_vset(f->apex[axis])), sign);
+            low[k] = rti_vmin(rti_vmin(x[0], x[1]), x[2]);
+            high[k] = rti_vmax(rti_vmax(x[0], x[1]), x[2]);
+        }
+        views = rti_view(low, high, from, to, 2 * f->pad);
+        kept &= rti_vle(rti_vset(-2 * f->pad), to) & rti_vle(views.from, rti_vset(b->farthest));
+        RTI_UNROLL
+        for (k = 0; k < 2; k++) {
+            kept &= rti_vle(views.low[k], rti_vset(f->high[k])) & rti_vle(rti_vset(f->low[k]), views.high[k]);
+            rti_vstore(lows[k], views.low[k]);
+            rti_vstore(highs[k], views.high[k]);
+        }
+        if (!kept) continue;
+        rti_vstore(from_s, views.from);
+        kept &= rti_edges(g, &t);
+        for (; kept; kept &= kept - 1) {
+            const int lane = rti_lowest_bit(kept);
+            const float rect_low[2] = { lows[0][lane], lows[1][lane] }, rect_high[2] = { highs[0][lane], highs[1][lane] };
+            uint64_t asked = rti_beam_meets(b, list, rect_low, rect_high, from_s[lane]);
+            const rti_v uk = rti_vset(t.edge[0][0][lane]), uu = rti_vset(t.edge[0][1][lane]), uv = rti_vset(t.edge[0][2][lane]);
+            const rti_v vk = rti_vset(t.edge[1][0][lane]), vu = rti_vset(t.edge[1][1][lane]), vv = rti_vset(t.edge[1][2][lane]);
+            const rti_v wk = rti_vset(t.edge[2][0][lane]), wu = rti_vset(t.edge[2][1][lane]), wv = rti_vset(t.edge[2][2][lane]);
+            const rti_v above = rti_vset(t.doubt[lane]), below = rti_vset(-t.doubt[lane]);
+            for (; asked; asked &= asked - 1) {
+                const int ray = rti_lowest_of(asked);
+                rti_packet *p = &g->rays[ray];
+                const rti_v su = rti_vload(p->slope[0]), sv = rti_vload(p->slope[1]);
+                const rti_v u = rti_vfma(su, uu, rti_vfma(sv, uv, uk));
+                const rti_v v = rti_vfma(su, vu, rti_vfma(sv, vv, vk));
+                const rti_v w = rti_vfma(su, wu, rti_vfma(sv, wv, wk));
+                const unsigned missed = rti_vlt(rti_vmin(rti_vmin(u, v), w), below) & rti_vlt(above, rti_vmax(rti_vmax(u, v), w));
+                const unsigned lanes = p->live & ~missed;
+                unsigned hit;
+#if RTI_STATS
+                if (job->stats) job->stats->prims += (uint64_t)rti_bit_count(p->live);
+#endif
+                if (!lanes) continue;
+                for (k = 0; k < 9; k++) t.gathered[0][k] = octet->v[k][at + (uint32_t)lane];
+                t.corners[0] = t.gathered[0];
+                t.prim[0] = octet->prim[at + (uint32_t)lane];
+                hit = (any ? rti_facets_any_likely : rti_facets_closest_likely)(p, lanes, &t, 1, inst);
+                if (!hit) continue;
+                rti_note(g, p, hit, any);
+                rti_measure_beam(g, ray, b);
+            }
+        }
+    }
+}
+
+/* From near to far: what waits lies on a stack, with the SIMD rays that met its box. */
+RTI_FN void rti_beam_body(const rt_accel *accel, rti_large *g, uint32_t inst, const int flags, const rti_job *job)
+{
+    struct { uint64_t list; float from; uint32_t index, count; } stack[RTI_WIDE_STACK];
+    const rti_frustum *f = &g->frustum;
+    const bool any = job->query == RT_ANY;
+    const float pad = 2 * f->pad;
+    rti_beam beam;
+    uint32_t index = 0, count = 0;
+    uint64_t list = 0;
+    int top = 0, i, a;
+    rti_make_beam(g, &beam);
+    for (i = 0; i < g->count; i++)
+        if (g->rays[i].live) list |= (uint64_t)1 << i;
+    (void)flags;
+    for (;;) {
+        while (!count) {
+            const rti_wide *node = &accel->wides[index];
+            float from[RTI_CHILDREN], lows[2][RTI_CHILDREN], highs[2][RTI_CHILDREN];
+            unsigned hit = 0;
+            const int base = top;
+            for (i = 0; i < RTI_CHILDREN; i += RTI_WIDTH) {
+                const rti_v at = rti_vset(f->apex[f->k]), sign = rti_vset(f->sign);
+                const rti_v begin = rti_vmul(rti_vsub(rti_vload(node->bounds[f->near_k] + i), at), sign);
+                const rti_v end = rti_vmul(rti_vsub(rti_vload(node->bounds[f->far_k] + i), at), sign);
+                rti_v low[2], high[2];
+                rti_views views;
+                unsigned in;
+                RTI_UNROLL
+                for (a = 0; a < 2; a++) {
+                    const int axis = a ? f->v : f->u;
+                    const int first = f->sign > 0 ? axis : 3 + axis, last = f->sign > 0 ? 3 + axis : axis;
+                    low[a] = rti_vmul(rti_vsub(rti_vload(node->bounds[first] + i), rti_vset(f->apex[axis])), sign);
+                    high[a] = rti_vmul(rti_vsub(rti_vload(node->bounds[last] + i), rti_vset(f->apex[axis])), sign);
+                }
+                views = rti_view(low, high, begin, end, pad);
+                in = rti_vle(rti_vset(-pad), end) & rti_vle(views.from, rti_vset(beam.farthest));
+                RTI_UNROLL
+                for (a = 0; a < 2; a++) {
+                    in &= rti_vle(views.low[a], rti_vset(f->high[a])) & rti_vle(rti_vset(f->low[a]), views.high[a]);
+                    rti_vstore(lows[a] + i, views.low[a]);
+                    rti_vstore(highs[a] + i, views.high[a]);
+                }
+                rti_vstore(from + i, views.from);
+                hit |= in << i;
+            }
+#if RTI_STATS
+            if (flags & RTI_WALK_COUNT) {
+                uint64_t rest = list;
+                job->stats->steps++;
+                job->stats->frusta += RTI_CHILDREN;
+                job->stats->culled += (uint64_t)(RTI_CHILDREN - rti_bit_count(hit));
+                for (; rest; rest &= rest - 1) {
+                    const int rays = rti_bit_count(g->rays[rti_lowest_of(rest)].live);
+                    job->stats->nodes += (uint64_t)rays;
+                    job->stats->active += (uint64_t)rays;
+                }
+            }
+#endif
+            for (; hit; hit &= hit - 1) {
+                const float low[2] = { lows[0][i = rti_lowest_bit(hit)], lows[1][i] }, high[2] = { highs[0][i], highs[1][i] };
+                const uint64_t met = rti_beam_meets(&beam, list, low, high, from[i]);
+                int at = top;
+                if (!met) continue;
+                if (!any)
+                    for (; at > base && stack[at - 1].from < from[i]; at--) stack[at] = stack[at - 1];
+                stack[at].list = met;
+                stack[at].from = from[i];
+                stack[at].index = node->index[i];
+                stack[at].count = node->count[i];
+                top++;
+                RTI_TALLY(job->stats, flags, pushes, 1);
+            }
+            goto pop;
+        }
+        {
+            const uint32_t kind = count >> RTI_KIND_SHIFT, n = count & RTI_COUNT_MASK;
+            if (kind == RTI_TRIANGLE) {
+                rti_octet gathered;
+                const rti_octet *octet = accel->octets + index;
+                if (RTI_UNLIKELY(!accel->octets)) rti_gather_octet(accel, index, n, &gathered);
+                rti_beam_octet(g, &beam, accel->octets ? octet : &gathered, n, list, inst, job);
+            }
+            if (!g->open) return;
+        }
+pop:
+        do {
+            if (!top) return;
+            top--;
+            list = rti_beam_reaches(&beam, stack[top].list, stack[top].from);
+        } while (!list);
+        index = stack[top].index;
+        count = stack[top].count;
+    }
+}
+
+RTI_NOINLINE RTI_TARGET void rti_walk_beam(const rt_accel *accel, rti_large *g, uint32_t inst, const rti_job *job)
+{
+#if RTI_STATS
+    if (job->stats) {
+        rti_beam_body(accel, g, inst, RTI_WALK_COUNT, job);
+        return;
+    }
+#endif
+    rti_beam_body(accel, g, inst, 0, job);
+}
+
 /* Lanes that are not live get the org and dir of one that is, so that what bounds all rays need not leave them out, and no interval. False:
    none is live. */
 RTI_FN bool rti_close_lanes(rti_large *g)
@@ -11005,6 +11333,10 @@ RTI_NOINLINE RTI_TARGET void rti_large_walk(const rt_accel *accel, rti_large *g,
 #endif
     if (!accel->node_count) return;
     rti_make_frustum(accel, g, job->cull);
+    if (job->wide && accel->wides && g->cull && g->frustum.sway >= 0 && g->count <= RTI_BEAM) {
+        rti_walk_beam(accel, g, inst, job);
+        return;
+    }
     for (i = 0; i < g->count; i++) g->order[i] = (unsigned char)i;
 #if RTI_STATS
     if (job->stats) {
@@ -11326,7 +11658,7 @@ RTI_NOINLINE RTI_TARGET void rti_batch_auto(const rt_accel *accel, const rti_job
             for (way = 0, i = 1; i < ways; i++)
                 if (tuner->cost[i] < tuner->cost[way]) way = (int)i;
         last = left < most ? count : first + most;
-        part.wide = way == RTI_BY_WIDE;
+        part.wide = way != RTI_BY_SIMD;
         if (way == RTI_BY_LARGE) rti_batch_packets(accel, &part, rays, first, last, count, hits, packets);
         else rti_batch_run(accel, &part, rays, first, last, hits);
         if (trial) rti_learn(tuner, way, (int)ways, (float)(rti_ticks() - start) / (float)(last - first));
@@ -12017,6 +12349,19 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec
 #undef rti_vfma
 #undef rti_vquad
 #undef rti_vapart
+#undef rti_beam
+#undef rti_views
+#undef rti_view
+#undef rti_measure_beam
+#undef rti_make_beam
+#undef rti_beam_meets
+#undef rti_beam_reaches
+#undef rti_lowest_of
+#undef rti_beam_octet
+#undef rti_beam_body
+#undef rti_walk_beam
+#undef rti_vleast
+#undef rti_vmost
 #undef rti_large
 #undef rti_door
 #undef rti_make_door
