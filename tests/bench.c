@@ -781,7 +781,7 @@ static void print_help(void)
            "                     those that do not have N are left out\n"
            "  --structure NAME   only algorithms on this structure\n"
            "  --cull NAME        frustum culling, default none; others than bvh.masked, bvh.ranged and bvh.partition have none\n"
-           "  --isa NAME         instructions to use\n"
+           "  --isa NAME         instructions to use; with --paper peers of Embree too\n"
            "  --size WxH         primary rays, default 512x512\n"
            "  --threads N        default 1, with --gpu 0: one a processor\n"
            "  --repeat N         measured rounds, default 5, with a GPU 20, after a pass that counts and warms up\n"

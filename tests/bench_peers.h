@@ -5,18 +5,20 @@
 
    Embree is called in every way that its documentation offers for such rays, with denormals flushed to zero, and its best one counts:
    single rays, packets of 4, 8 and 16, and streams; told that rays are coherent, or that they are not; on trees of medium and high
-   quality. A first look at a sample of the rays picks those ways that are measured on all of them. */
+   quality. A first look at a sample of the rays picks those ways that are measured on all of them. Rays on one thread are measured in
+   processor time, which other programs spoil less; builds, and whatever runs on more threads, by the clock on the wall. */
 
 #define PEERS_SIZE 1024
 #define PEERS_SMALL 512                     /* of tables with many trees, for the time */
 #define PEERS_ROUNDS 5
-#define PEERS_BUILDS 3                      /* rounds of builds, and of whole sets of rays on several threads */
+#define PEERS_BUILDS 3                      /* rounds of builds, after one that warms up */
+#define PEERS_FEW_ROUNDS 3                  /* of tables that take long */
 #define PEERS_SLICE 131072u                 /* rays from one change of turns to the next: some 10 to 50 ms */
 #define PEERS_TRIAL_BLOCK 1024u             /* the sample: one such block of rays of every PEERS_TRIAL_STEP */
 #define PEERS_TRIAL_STEP 16u
 #define PEERS_TRIALS 2
 #define PEERS_NEAR 1.05                     /* what takes at most so much longer than its column's best in the first look is measured too */
-#define PEERS_KEPT 3                        /* ... but at most so many a column */
+#define PEERS_KEPT 2                        /* ... but at most so many a column */
 #define PEERS_TINY 1000                     /* triangles; scenes of fewer are left out where builds are timed */
 
 /* ---- >>peers-scenes ------------------------------------------------------------------------------------------------- */
@@ -254,34 +256,52 @@ static bool peers_add_fixed(peers *p, peers_scene *s, int column, peers_quality 
 
 #ifdef RT_BENCH_EMBREE
 
-/* Its version, "3.13.5". */
-static const char *peers_version(void)
+/* A device with so many threads, and the instructions of --isa. NULL: it does not start. */
+static RTCDevice peers_device(const arguments *a, int threads)
 {
-    static char text[32];
-    RTCDevice device = text[0] ? NULL : rtcNewDevice("threads=1");
+    char config[64];
+    RTCDevice device;
 
-    if (device)
-        snprintf(text, sizeof text, "%d.%d.%d", (int)rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_VERSION_MAJOR),
+    snprintf(config, sizeof config, "threads=%d%s%s", threads, a->isa > RT_ISA_SCALAR ? ",isa=" : "",
+             a->isa > RT_ISA_SCALAR ? isa_names[a->isa] : "");
+    device = rtcNewDevice(config);
+    if (!device) complain("Embree does not start");
+    return device;
+}
+
+/* "Embree 3.13.5, packets of up to 16": how wide they are tells its instructions. */
+static const char *peers_name(const arguments *a)
+{
+    static char text[64];
+    RTCDevice device = text[0] ? NULL : peers_device(a, 1);
+
+    if (device) {
+        snprintf(text, sizeof text, "Embree %d.%d.%d, packets of up to %d", (int)rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_VERSION_MAJOR),
                  (int)rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_VERSION_MINOR),
-                 (int)rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_VERSION_PATCH));
-    if (device) rtcReleaseDevice(device);
+                 (int)rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_VERSION_PATCH),
+                 rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED) ? 16
+                 : rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_NATIVE_RAY8_SUPPORTED) ? 8 : 4);
+        rtcReleaseDevice(device);
+    }
     return text;
 }
 
 /* Adds all ways to call Embree on its tree of a quality, which is built where it is missing. */
 static bool peers_add_embree(peers *p, peers_scene *s, int column, peers_quality quality, bool robust)
 {
-    static const struct { const char *name; int packet; bool stream; } calls[] = {
-        { "single", 1, false }, { "packet4", 4, false }, { "packet8", 8, false }, { "packet16", 16, false }, { "stream", 1, true }
+    static const struct { const char *name; int packet; bool stream; int needs; } calls[] = {
+        { "single",   1,  false, -1 },
+        { "packet4",  4,  false, RTC_DEVICE_PROPERTY_NATIVE_RAY4_SUPPORTED },
+        { "packet8",  8,  false, RTC_DEVICE_PROPERTY_NATIVE_RAY8_SUPPORTED },
+        { "packet16", 16, false, RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED },
+        { "stream",   1,  true,  RTC_DEVICE_PROPERTY_RAY_STREAM_SUPPORTED },
     };
     RTCScene *tree = &s->trees[quality][robust];
-    char config[32];
     size_t i;
     int coherence;
 
-    snprintf(config, sizeof config, "threads=%d", pool_threads(p->all));
-    if (!s->bench.device) s->bench.device = rtcNewDevice(config);
-    if (!s->bench.device) return complain("Embree does not start");
+    if (!s->bench.device) s->bench.device = peers_device(&p->a, pool_threads(p->all));
+    if (!s->bench.device) return false;
     if (!*tree) *tree = embree_build(s->bench.device, &s->bench.content.geometry, robust ? RTC_SCENE_FLAG_ROBUST : RTC_SCENE_FLAG_NONE,
                                      embree_qualities[quality], NULL);
     if (!*tree) return complain("Embree cannot build %s", s->bench.content.name);
@@ -289,8 +309,7 @@ static bool peers_add_embree(peers *p, peers_scene *s, int column, peers_quality
         for (coherence = -1; coherence <= 1; coherence += 2) {
             peers_way *way;
             entry *e;
-            if (calls[i].packet == 16 && !rtcGetDeviceProperty(s->bench.device, RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED)) continue;
-            if (calls[i].stream && !rtcGetDeviceProperty(s->bench.device, RTC_DEVICE_PROPERTY_RAY_STREAM_SUPPORTED)) continue;
+            if (calls[i].needs >= 0 && !rtcGetDeviceProperty(s->bench.device, (enum RTCDeviceProperty)calls[i].needs)) continue;
             way = peers_next_way(s);
             e = way ? add_entry(&s->bench) : NULL;
             if (!e) return complain("out of memory");
@@ -312,7 +331,7 @@ static bool peers_add_embree(peers *p, peers_scene *s, int column, peers_quality
 
 #else
 
-static const char *peers_version(void) { return ""; }
+static const char *peers_name(const arguments *a) { return (void)a, ""; }
 
 static bool peers_add_embree(peers *p, peers_scene *s, int column, peers_quality quality, bool robust)
 {
@@ -327,7 +346,7 @@ static bool peers_add_embree(peers *p, peers_scene *s, int column, peers_quality
 /* A way on the threads of a pool. */
 typedef struct {
     size_t way;
-    pool *threads;
+    pool *threads;                          /* NULL: on one, in processor time */
     double seconds, spread;
 } peers_run;
 
@@ -337,6 +356,14 @@ typedef struct {
     size_t first, last;
 } peers_work;
 
+/* Seconds that this program has run; all its threads together. */
+static double processor_now(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
 static void peers_chunk(void *context, size_t index)
 {
     const peers_work *w = context;
@@ -344,17 +371,17 @@ static void peers_chunk(void *context, size_t index)
     w->e->trace(w->e, w->b, first, w->last - first < CHUNK ? w->last : first + CHUNK);
 }
 
-/* Seconds of rays [first, last). */
+/* Seconds of rays [first, last); threads NULL: of processor time, on this one. */
 static double peers_time(const entry *e, const batch *b, size_t first, size_t last, pool *threads)
 {
     peers_work w = { e, b, first, last };
     double start;
 
     if (e->prepare) e->prepare(e, b, first, last);
-    start = now();
-    if (pool_threads(threads) == 1) e->trace(e, b, first, last);
-    else pool_for(threads, (last - first + CHUNK - 1) / CHUNK, peers_chunk, &w);
-    return now() - start;
+    start = threads ? now() : processor_now();
+    if (threads) pool_for(threads, (last - first + CHUNK - 1) / CHUNK, peers_chunk, &w);
+    else e->trace(e, b, first, last);
+    return (threads ? now() : processor_now()) - start;
 }
 
 /* Measures all runs in turns, which change after each slice of rays, so that whatever else the machine does falls on all alike. The
@@ -403,7 +430,7 @@ static void peers_try(const peers *p, peers_scene *s, const batch *b)
     for (i = 0; i < s->bench.entry_count; i++) s->ways[i].trial = INFINITY;
     for (round = 0; round < PEERS_TRIALS; round++)
         for (i = 0; i < s->bench.entry_count; i++)
-            s->ways[i].trial = fmin(s->ways[i].trial, peers_time(&s->bench.entries[i], &sample, 0, sample.count, p->one));
+            s->ways[i].trial = fmin(s->ways[i].trial, peers_time(&s->bench.entries[i], &sample, 0, sample.count, NULL));
 }
 
 /* Is way among the fastest of its column, or hardly slower, on the sample? */
@@ -456,8 +483,8 @@ static bool peers_compare(peers *p, peers_scene *s, const batch *b)
 
     if (!runs) return complain("out of memory");
     count = peers_select(p, s, b, runs);
-    for (i = 0; i < count; i++) runs[i].threads = p->threads;
-    ok = peers_measure(&s->bench, runs, count, b, pool_threads(p->threads) == 1 ? PEERS_SLICE : b->count, p->a.rounds);
+    for (i = 0; i < count; i++) runs[i].threads = pool_threads(p->threads) > 1 ? p->threads : NULL;
+    ok = peers_measure(&s->bench, runs, count, b, pool_threads(p->threads) > 1 ? b->count : PEERS_SLICE, p->a.rounds);
     for (i = 0; i < count && ok; i++) {
         s->ways[runs[i].way].seconds = runs[i].seconds;
         p->spread = fmax(p->spread, runs[i].spread);
@@ -512,8 +539,15 @@ static void peers_print_mean(const char *label, const peers_mean *mean)
 static void peers_print_title(peers *p, const char *table, const char *title)
 {
     printf("\n%s: %s\n", table, title);
-    if (!*peers_version()) printf("  without Embree, which is not linked: libembree-dev is missing; what is ours alone\n");
+    if (!*peers_name(&p->a)) printf("  Embree is not linked, for want of libembree-dev: ours alone\n");
     p->spread = 0;
+}
+
+/* How the rays of a table are measured. */
+static void peers_print_how(const peers *p)
+{
+    printf("  %dx%d, %d thread%s, median of %d; ", p->a.width, p->a.height, pool_threads(p->threads), pool_threads(p->threads) == 1 ? "" : "s",
+           p->a.rounds);
 }
 
 static void peers_print_way(int width, const peers_scene *s, int column)
@@ -561,7 +595,7 @@ static bool peers_rays_of(peers *p, peers_scene *s, peers_mean means[KIND_COUNT]
         horn_print_cell(9, 2, peers_rate(s, RAYS_ROBUST, &b));
         peers_print_way(13, s, RAYS_ROBUST);
         for (robust = 0; robust < 2; robust++)
-            horn_print_cell(8, 2, peers_ratio(ours, peers_rate(s, RAYS_FAST + robust, &b), s->title, &means[kind][robust]));
+            horn_print_cell(8 + robust, 2, peers_ratio(ours, peers_rate(s, RAYS_FAST + robust, &b), s->title, &means[kind][robust]));
         peers_print_differing(s, RAYS_FAST);
         peers_print_differing(s, RAYS_ROBUST);
         printf("\n");
@@ -578,13 +612,11 @@ static bool peers_rays(peers *p)
     int kind, robust;
 
     peers_print_title(p, "peers.rays", "Mrays/s of our default, auto on an RT_BVH, and of the best of ours and of Embree's");
-    printf("  %dx%d, %d thread%s, median of %d. Embree %s: packets or streams; rays said to be c coherent or i incoherent; tree of m medium or\n"
-           "  h high quality. Differing: rays whose hit, or only whose primitive, is not the one that we find\n", p->a.width, p->a.height,
-           pool_threads(p->threads), pool_threads(p->threads) == 1 ? "" : "s", p->a.rounds, peers_version());
-    printf("%-34s%9s%9s%-13s%9s%-13s%9s%-13s%16s%26s\n", "", "ours:", "ours:", " best fixed", "Embree", " fast", "Embree", " robust",
-           "ours / Embree", "differing");
-    printf("%-18s %-8s %6s%9s%9s%-13s%9s%-13s%9s%-13s%8s%8s%13s%13s\n", "", "", "Mrays", "auto", "", "", "", "", "", "", "fast", "robust",
-           "fast", "robust");
+    peers_print_how(p);
+    printf("%s, or streams; rays said to be c coherent or i incoherent; tree of\n"
+           "  m medium or h high quality. Differing: rays whose hit, or only whose primitive, is not the one that we find\n", peers_name(&p->a));
+    printf("%-18s %-8s %6s%9s%9s %-12s%9s %-12s%9s %-12s%8s%9s %12s %12s\n", "", "", "Mrays", "auto", "fixed", "the best", "fast", "Embree's",
+           "robust", "Embree's", "/ fast", "/ robust", "differ: fast", "robust");
     for (i = 0; i < p->count; i++) {
         if (!peers_rays_of(p, &p->scenes[i], means)) return false;
         peers_clear(&p->scenes[i]);
@@ -624,18 +656,15 @@ static double peers_build_ours(const peers *p, const peers_scene *s, peers_quali
 #ifdef RT_BENCH_EMBREE
 /* The same with a device of its own, since all devices together have as many threads as the one with the fewest. The bytes are without the
    copies of vertices and indices. */
-static double peers_build_embree(const peers_scene *s, peers_quality quality, int threads, size_t *bytes)
+static double peers_build_embree(const peers *p, const peers_scene *s, peers_quality quality, int threads, size_t *bytes)
 {
     const rt_geometry *g = &s->bench.content.geometry;
     const size_t input = g->vertex_count * sizeof(rt_vec3) + 3 * g->triangle_count * sizeof(uint32_t);
-    char config[32];
-    RTCDevice device;
+    RTCDevice device = peers_device(&p->a, threads);
     RTCScene built;
     double seconds = -1;
 
-    snprintf(config, sizeof config, "threads=%d", threads);
-    device = rtcNewDevice(config);
-    if (!device) return complain("Embree does not start"), -1;
+    if (!device) return -1;
     *bytes = 0;
     rtcSetDeviceMemoryMonitorFunction(device, embree_count_bytes, bytes);
     built = embree_build(device, g, RTC_SCENE_FLAG_NONE, embree_qualities[quality], &seconds);
@@ -647,9 +676,9 @@ static double peers_build_embree(const peers_scene *s, peers_quality quality, in
     return built ? seconds : -1;
 }
 #else
-static double peers_build_embree(const peers_scene *s, peers_quality quality, int threads, size_t *bytes)
+static double peers_build_embree(const peers *p, const peers_scene *s, peers_quality quality, int threads, size_t *bytes)
 {
-    (void)s, (void)quality, (void)threads, (void)bytes;
+    (void)p, (void)s, (void)quality, (void)threads, (void)bytes;
     return 0;
 }
 #endif
@@ -659,14 +688,15 @@ static bool peers_build_scene(const peers *p, const peers_scene *s, peers_builds
     pool *const pools[2] = { p->one, p->two };
     int round, quality, threads;
 
-    for (round = 0; round < PEERS_BUILDS; round++)
+    for (round = -1; round < PEERS_BUILDS; round++)
         for (quality = 0; quality < PEERS_QUALITIES; quality++)
             for (threads = 0; threads < 2; threads++) {
-                double *ours = &out->seconds[BUILD_OURS][quality][threads][round];
-                double *theirs = &out->seconds[BUILD_EMBREE][quality][threads][round];
-                *ours = peers_build_ours(p, s, (peers_quality)quality, pools[threads], &out->bytes[BUILD_OURS][quality]);
-                *theirs = peers_build_embree(s, (peers_quality)quality, threads + 1, &out->bytes[BUILD_EMBREE][quality]);
-                if (*ours < 0 || *theirs < 0) return false;
+                const double ours = peers_build_ours(p, s, (peers_quality)quality, pools[threads], &out->bytes[BUILD_OURS][quality]);
+                const double theirs = peers_build_embree(p, s, (peers_quality)quality, threads + 1, &out->bytes[BUILD_EMBREE][quality]);
+                if (ours < 0 || theirs < 0) return false;
+                if (round < 0) continue;
+                out->seconds[BUILD_OURS][quality][threads][round] = ours;
+                out->seconds[BUILD_EMBREE][quality][threads][round] = theirs;
             }
     return true;
 }
@@ -680,13 +710,12 @@ static bool peers_build(peers *p)
     int side, quality, threads;
 
     peers_print_title(p, "peers.build", "million triangles built a second, on one thread and on two; bytes a triangle");
-    printf("  median of %d; Embree %s: rtcCommitScene alone, its bytes without its copy of the input. Scenes of %d triangles or more\n",
-           PEERS_BUILDS, peers_version(), PEERS_TINY);
-    printf("%-18s %9s   %-15s%-15s%-15s%-15s%-15s%-15s%s\n", "", "", "ours: fast", "default", "high", "Embree: low", "medium", "high",
-           " bytes: ours                 Embree");
-    printf("%-18s %9s", "", "triangles");
-    for (i = 0; i < 6; i++) printf("  %6s %6s", "1", "2");
-    printf("%8s%8s%8s  %8s%8s%8s\n", "fast", "default", "high", "low", "medium", "high");
+    printf("  median of %d; %s: rtcCommitScene alone, its bytes without its copy of the input\n", PEERS_BUILDS, peers_name(&p->a));
+    printf("%28s%15s%15s%15s%15s%15s%15s%26s%26s\n", "", "ours: fast   ", "default   ", "high   ", "Embree: low   ", "medium   ", "high   ",
+           "ours, bytes: fast to high", "Embree: low to high");
+    printf("%-18s%10s", "", "triangles");
+    for (i = 0; i < BUILD_SIDES * PEERS_QUALITIES; i++) printf("%7d%7d ", 1, 2);
+    printf("\n");
     for (i = 0; i < p->count; i++) {
         const peers_scene *s = &p->scenes[i];
         const double n = (double)peers_triangles(s);
@@ -760,10 +789,10 @@ static bool peers_qualities(peers *p)
     size_t i;
 
     peers_print_title(p, "peers.quality", "Mrays/s by the quality of the tree; fixed: the better of bvh.wide, where it is built, and bvh.simd");
-    printf("  %dx%d, %d thread%s, median of %d; Embree %s: the best of its fast ways\n", p->a.width, p->a.height, pool_threads(p->threads),
-           pool_threads(p->threads) == 1 ? "" : "s", p->a.rounds, peers_version());
-    printf("%-27s%18s%18s%18s%9s%-13s%9s%-13s\n", "", "ours: fast", "default", "high", "Embree", " medium", "Embree", " high");
-    printf("%-27s%9s%9s%9s%9s%9s%9s\n", "", "auto", "fixed", "auto", "fixed", "auto", "fixed");
+    peers_print_how(p);
+    printf("%s: the best of its fast ways\n", peers_name(&p->a));
+    printf("%27s%18s%18s%18s%9s%13s%9s\n", "", "ours: fast", "default", "high", "Embree:", "medium    ", "high");
+    printf("%27s%9s%9s%9s%9s%9s%9s\n", "", "auto", "fixed", "auto", "fixed", "auto", "fixed");
     for (i = 0; i < p->count; i++) {
         if (!peers_quality_of(p, &p->scenes[i])) return false;
         peers_clear(&p->scenes[i]);
@@ -825,14 +854,14 @@ static bool peers_scale_of(peers *p, peers_scene *s)
 static bool peers_scale(peers *p)
 {
     static const char *const scenes[] = { "terrain", "cloud" };
-    static const int counts[] = { 1000, 10000, 100000, 1000000, 2000000, 4000000, 10000000 };
+    static const int counts[] = { 1000, 10000, 100000, 1000000, 4000000, 10000000 };
     bool ok = true;
     size_t i, k;
 
     peers_print_title(p, "peers.scale", "memory and Mrays/s of our default against the number of triangles");
-    printf("  %dx%d, %d thread%s, median of %d; peak: all that is allocated at the worst moment of a build on one thread, and that beside\n"
-           "  tree and input together; Embree %s: the best of its fast ways on a tree of medium quality\n", p->a.width, p->a.height,
-           pool_threads(p->threads), pool_threads(p->threads) == 1 ? "" : "s", p->a.rounds, peers_version());
+    peers_print_how(p);
+    printf("peak: all that is allocated at the worst moment of a build on one thread, and that beside\n"
+           "  tree and input together; %s: the best of its fast ways on a tree of medium quality\n", peers_name(&p->a));
     printf("%-18s%11s%9s%11s%8s%10s%9s%-13s%7s%10s%9s%-13s%7s\n", "", "tree MB", "bytes/n", "peak MB", "x", "primary", "Embree", "", "x",
            "diffuse", "Embree", "", "x");
     for (i = 0; i < sizeof scenes / sizeof *scenes; i++)
@@ -884,7 +913,7 @@ static bool peers_threads_of(peers *p, peers_scene *s, ray_kind kind)
         horn_print_cell(9, 2, rates[i + 1]);
         horn_print_cell(8, 2, rates[i] > 0 ? rates[i + 1] / rates[i] : 0);
     }
-    horn_print_cell(10, 2, rates[3] > 0 ? rates[1] / rates[3] : 0);
+    horn_print_cell(14, 2, rates[3] > 0 ? rates[1] / rates[3] : 0);
     printf("\n");
     fflush(stdout);
     return true;
@@ -896,8 +925,8 @@ static bool peers_threads(peers *p)
     size_t i, k;
 
     peers_print_title(p, "peers.threads", "Mrays/s of our default, and of Embree's best fast way, on one thread and on two");
-    printf("  %dx%d, median of %d; Embree %s\n", p->a.width, p->a.height, p->a.rounds, peers_version());
-    printf("%-27s%10s%9s%8s%10s%9s%8s%10s\n", "", "ours: 1", "2", "x", "Embree: 1", "2", "x", "on 2");
+    printf("  %dx%d, median of %d; %s\n", p->a.width, p->a.height, p->a.rounds, peers_name(&p->a));
+    printf("%-27s%10s%9s%8s%10s%9s%8s%14s\n", "", "ours: 1", "2", "x", "Embree: 1", "2", "x", "ours / Embree");
     for (i = 0; i < p->count; i++) {
         peers_scene *s = &p->scenes[i];
         if (!peers_add_ours(p, s, SCALE_AUTO, RT_AUTO, PEERS_MEDIUM)) return false;
@@ -918,8 +947,8 @@ static bool peers_tables(const arguments *given, pool *threads)
 {
     static const struct { bool (*print)(peers *); int size, rounds; } tables[PEERS_TABLE_COUNT] = {
         [PEERS_RAYS]    = { peers_rays,      PEERS_SIZE,  PEERS_ROUNDS }, [PEERS_BUILD]   = { peers_build, PEERS_SIZE,  PEERS_ROUNDS },
-        [PEERS_QUALITY] = { peers_qualities, PEERS_SMALL, PEERS_ROUNDS }, [PEERS_SCALE]   = { peers_scale, PEERS_SMALL, PEERS_ROUNDS },
-        [PEERS_THREADS] = { peers_threads,   PEERS_SIZE,  PEERS_BUILDS }
+        [PEERS_QUALITY] = { peers_qualities, PEERS_SMALL, PEERS_ROUNDS }, [PEERS_SCALE]   = { peers_scale, PEERS_SMALL, PEERS_FEW_ROUNDS },
+        [PEERS_THREADS] = { peers_threads,   PEERS_SIZE,  PEERS_FEW_ROUNDS }
     };
     static const char *const words[PEERS_TABLE_COUNT] = { PEERS_TABLES(TABLE_WORD) };
     const arguments most = with_defaults(given, PEERS_SIZE, PEERS_ROUNDS);
