@@ -5,8 +5,8 @@
 
    Embree is called in every way that its documentation offers for such rays, with denormals flushed to zero, and its best one counts:
    single rays, packets of 4, 8 and 16, and streams; told that rays are coherent, or that they are not; on trees of medium and high
-   quality. A first look at a sample of the rays picks those ways that are measured on all of them. Rays on one thread are measured in
-   processor time, which other programs spoil less; builds, and whatever runs on more threads, by the clock on the wall. */
+   quality. A first look at a sample of the rays picks those ways that are measured on all of them. What runs on one thread is
+   measured in processor time, which other programs spoil less; what runs on more by the clock on the wall. */
 
 #define PEERS_SIZE 1024
 #define PEERS_SMALL 512                     /* of tables with many trees, for the time */
@@ -76,7 +76,7 @@ typedef struct {
 
 typedef struct {
     arguments a;                            /* with the defaults of the table at hand */
-    pool *threads, *one, *two, *all;        /* as --threads says; of so many; one a processor, for builds that are not timed */
+    pool *threads, *two, *all;              /* as --threads says; of two; one a processor, for builds that are not timed */
     buffers memory;
     rt_ray *sample;
     peers_scene *scenes;
@@ -356,19 +356,38 @@ typedef struct {
     size_t first, last;
 } peers_work;
 
-/* Seconds that this program has run; all its threads together. */
-static double processor_now(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
-
 static void peers_chunk(void *context, size_t index)
 {
     const peers_work *w = context;
     const size_t first = w->first + index * CHUNK;
     w->e->trace(w->e, w->b, first, w->last - first < CHUNK ? w->last : first + CHUNK);
+}
+
+/* Seconds, by the clock that measures work on these threads; NULL: of processor time, of all threads of this program together. */
+static double peers_clock(const pool *threads)
+{
+    return seconds_of(threads ? CLOCK_MONOTONIC : CLOCK_PROCESS_CPUTIME_ID);
+}
+
+/* Counts, which takes some 10 ms. */
+static void peers_spin(void *context, size_t index)
+{
+    volatile unsigned n;
+    (void)context, (void)index;
+    for (n = 0; n < 10000000; n++) { }
+}
+
+/* How many processors two threads have that only count: less than two where other programs run, and numbers on two threads tell little. */
+static double peers_processors(const peers *p)
+{
+    const double start = peers_clock(p->two), worked = peers_clock(NULL);
+    pool_for(p->two, 8, peers_spin, NULL);
+    return (peers_clock(NULL) - worked) / (peers_clock(p->two) - start);
+}
+
+static void peers_print_processors(const peers *p, double sum)
+{
+    if (p->count) printf("  two threads had %.2f processors on average, asked before each scene\n", sum / (double)p->count);
 }
 
 /* Seconds of rays [first, last); threads NULL: of processor time, on this one. */
@@ -378,10 +397,10 @@ static double peers_time(const entry *e, const batch *b, size_t first, size_t la
     double start;
 
     if (e->prepare) e->prepare(e, b, first, last);
-    start = threads ? now() : processor_now();
+    start = peers_clock(threads);
     if (threads) pool_for(threads, (last - first + CHUNK - 1) / CHUNK, peers_chunk, &w);
     else e->trace(e, b, first, last);
-    return (threads ? now() : processor_now()) - start;
+    return peers_clock(threads) - start;
 }
 
 /* Measures all runs in turns, which change after each slice of rays, so that whatever else the machine does falls on all alike. The
@@ -639,44 +658,49 @@ typedef struct {
     size_t bytes[BUILD_SIDES][PEERS_QUALITIES];
 } peers_builds;
 
-/* Seconds; less than 0: it fails. */
+/* Seconds; threads NULL: of processor time, on this one. Less than 0: it fails. */
 static double peers_build_ours(const peers *p, const peers_scene *s, peers_quality quality, pool *threads, size_t *bytes)
 {
     rt_error error;
     rt_build_options options = build_options(RT_BVH, &p->a, threads, &error);
+    rt_accel *accel;
     rt_info info;
-    double seconds;
+    double start, seconds;
 
     options.quality = our_qualities[quality];
-    seconds = horn_time_build(&s->bench.content, &options, &info);
-    if (seconds >= 0) *bytes = info.bytes;
+    start = peers_clock(threads);
+    if (rt_build(&accel, &s->bench.content.geometry, &options) != RT_OK) return complain("%s: %s", s->title, error.message), -1;
+    seconds = peers_clock(threads) - start;
+    rt_get_info(accel, &info);
+    rt_free(accel);
+    *bytes = info.bytes;
     return seconds;
 }
 
 #ifdef RT_BENCH_EMBREE
 /* The same with a device of its own, since all devices together have as many threads as the one with the fewest. The bytes are without the
    copies of vertices and indices. */
-static double peers_build_embree(const peers *p, const peers_scene *s, peers_quality quality, int threads, size_t *bytes)
+static double peers_build_embree(const peers *p, const peers_scene *s, peers_quality quality, const pool *threads, size_t *bytes)
 {
     const rt_geometry *g = &s->bench.content.geometry;
     const size_t input = g->vertex_count * sizeof(rt_vec3) + 3 * g->triangle_count * sizeof(uint32_t);
-    RTCDevice device = peers_device(&p->a, threads);
+    RTCDevice device = peers_device(&p->a, threads ? pool_threads(threads) : 1);
+    embree_times times;
     RTCScene built;
-    double seconds = -1;
 
     if (!device) return -1;
     *bytes = 0;
     rtcSetDeviceMemoryMonitorFunction(device, embree_count_bytes, bytes);
-    built = embree_build(device, g, RTC_SCENE_FLAG_NONE, embree_qualities[quality], &seconds);
+    built = embree_build(device, g, RTC_SCENE_FLAG_NONE, embree_qualities[quality], &times);
     *bytes -= *bytes < input ? *bytes : input;
     rtcSetDeviceMemoryMonitorFunction(device, NULL, NULL);
     if (built) rtcReleaseScene(built);
     else complain("Embree cannot build %s", s->bench.content.name);
     rtcReleaseDevice(device);
-    return built ? seconds : -1;
+    return !built ? -1 : threads ? times.wall : times.processor;
 }
 #else
-static double peers_build_embree(const peers *p, const peers_scene *s, peers_quality quality, int threads, size_t *bytes)
+static double peers_build_embree(const peers *p, const peers_scene *s, peers_quality quality, const pool *threads, size_t *bytes)
 {
     (void)p, (void)s, (void)quality, (void)threads, (void)bytes;
     return 0;
@@ -685,14 +709,14 @@ static double peers_build_embree(const peers *p, const peers_scene *s, peers_qua
 
 static bool peers_build_scene(const peers *p, const peers_scene *s, peers_builds *out)
 {
-    pool *const pools[2] = { p->one, p->two };
+    pool *const pools[2] = { NULL, p->two };
     int round, quality, threads;
 
     for (round = -1; round < PEERS_BUILDS; round++)
         for (quality = 0; quality < PEERS_QUALITIES; quality++)
             for (threads = 0; threads < 2; threads++) {
                 const double ours = peers_build_ours(p, s, (peers_quality)quality, pools[threads], &out->bytes[BUILD_OURS][quality]);
-                const double theirs = peers_build_embree(p, s, (peers_quality)quality, threads + 1, &out->bytes[BUILD_EMBREE][quality]);
+                const double theirs = peers_build_embree(p, s, (peers_quality)quality, pools[threads], &out->bytes[BUILD_EMBREE][quality]);
                 if (ours < 0 || theirs < 0) return false;
                 if (round < 0) continue;
                 out->seconds[BUILD_OURS][quality][threads][round] = ours;
@@ -706,6 +730,7 @@ static bool peers_build(peers *p)
     static const char *const ours_names[PEERS_QUALITIES] = { "fast", "default", "high" };
     peers_mean means[PEERS_QUALITIES][2] = { { { 0, 0, 0, NULL } } };
     char label[64];
+    double processors = 0;
     size_t i;
     int side, quality, threads;
 
@@ -722,6 +747,7 @@ static bool peers_build(peers *p)
         double rates[BUILD_SIDES][PEERS_QUALITIES][2];
         peers_builds builds;
 
+        processors += peers_processors(p);
         if (n < PEERS_TINY) continue;
         memset(&builds, 0, sizeof builds);
         if (!peers_build_scene(p, s, &builds)) return false;
@@ -747,6 +773,7 @@ static bool peers_build(peers *p)
                      threads + 1, threads ? "s" : "");
             peers_print_mean(label, &means[quality][threads]);
         }
+    peers_print_processors(p, processors);
     return true;
 }
 
@@ -898,7 +925,7 @@ static bool peers_threads_of(peers *p, peers_scene *s, ray_kind kind)
                 best = tried[i].way;
         for (i = 0; i < 2 && best != RT_NONE; i++, n++) {
             runs[n].way = best;
-            runs[n].threads = i ? p->two : p->one;
+            runs[n].threads = i ? p->two : NULL;
         }
     }
     free(tried);
@@ -922,6 +949,7 @@ static bool peers_threads_of(peers *p, peers_scene *s, ray_kind kind)
 static bool peers_threads(peers *p)
 {
     static const ray_kind kinds[] = { PRIMARY, DIFFUSE };
+    double processors = 0;
     size_t i, k;
 
     peers_print_title(p, "peers.threads", "Mrays/s of our default, and of Embree's best fast way, on one thread and on two");
@@ -929,6 +957,7 @@ static bool peers_threads(peers *p)
     printf("%-27s%10s%9s%8s%10s%9s%8s%14s\n", "", "ours: 1", "2", "x", "Embree: 1", "2", "x", "ours / Embree");
     for (i = 0; i < p->count; i++) {
         peers_scene *s = &p->scenes[i];
+        processors += peers_processors(p);
         if (!peers_add_ours(p, s, SCALE_AUTO, RT_AUTO, PEERS_MEDIUM)) return false;
         if (!peers_add_embree(p, s, SCALE_EMBREE, PEERS_MEDIUM, false) || !peers_add_embree(p, s, SCALE_EMBREE, PEERS_HIGH, false)) return false;
         trace_primary(&s->bench, s->ours[PEERS_MEDIUM], &p->a);
@@ -936,6 +965,7 @@ static bool peers_threads(peers *p)
             if (!peers_threads_of(p, s, kinds[k])) return false;
         peers_clear(s);
     }
+    peers_print_processors(p, processors);
     printf("  spread, (slowest - fastest) / median of one number: at most %.0f%%\n", 100 * p->spread);
     return true;
 }
@@ -962,12 +992,11 @@ static bool peers_tables(const arguments *given, pool *threads)
     memset(&p, 0, sizeof p);
     p.a = most;
     p.threads = threads;
-    p.one = pool_create(1);
     p.two = pool_create(2);
     p.all = pool_create(0);
     p.sample = calloc(pixels, sizeof *p.sample);
     p.fine = true;
-    ok = (p.one && p.two && p.all && p.sample) || complain("out of memory");
+    ok = (p.two && p.all && p.sample) || complain("out of memory");
     ok = ok && buffers_alloc(&p.memory, pixels, true) && peers_load(&p);
     for (i = 0; i < PEERS_TABLE_COUNT && ok; i++) {
         if (!wants(given, "peers", words[i])) continue;
@@ -978,6 +1007,6 @@ static bool peers_tables(const arguments *given, pool *threads)
     for (i = 0; i < p.count; i++) peers_free_scene(&p.scenes[i]);
     free(p.scenes), free(p.sample);
     buffers_free(&p.memory);
-    pool_destroy(p.one), pool_destroy(p.two), pool_destroy(p.all);
+    pool_destroy(p.two), pool_destroy(p.all);
     return ok && p.fine;
 }
