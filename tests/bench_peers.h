@@ -11,8 +11,7 @@
 #define PEERS_SIZE 1024
 #define PEERS_SMALL 512                     /* of tables with many trees, for the time */
 #define PEERS_ROUNDS 5
-#define PEERS_BUILDS 3                      /* rounds of builds, after one that warms up */
-#define PEERS_FEW_ROUNDS 3                  /* of tables that take long */
+#define PEERS_FEW_ROUNDS 3                  /* of builds, after one that warms up, and of tables that take long */
 #define PEERS_SLICE 131072u                 /* rays from one change of turns to the next: some 10 to 50 ms */
 #define PEERS_TRIAL_BLOCK 1024u             /* the sample: one such block of rays of every PEERS_TRIAL_STEP */
 #define PEERS_TRIAL_STEP 16u
@@ -269,14 +268,14 @@ static RTCDevice peers_device(const arguments *a, int threads)
     return device;
 }
 
-/* "Embree 3.13.5, packets of up to 16": how wide they are tells its instructions. */
+/* "Embree 3.13.5, packets of up to 16 rays": how wide they are tells its instructions. */
 static const char *peers_name(const arguments *a)
 {
     static char text[64];
     RTCDevice device = text[0] ? NULL : peers_device(a, 1);
 
     if (device) {
-        snprintf(text, sizeof text, "Embree %d.%d.%d, packets of up to %d", (int)rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_VERSION_MAJOR),
+        snprintf(text, sizeof text, "Embree %d.%d.%d, packets of up to %d rays", (int)rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_VERSION_MAJOR),
                  (int)rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_VERSION_MINOR),
                  (int)rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_VERSION_PATCH),
                  rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED) ? 16
@@ -446,7 +445,7 @@ static void peers_try(const peers *p, peers_scene *s, const batch *b)
         memcpy(p->sample + sample.count, b->rays + first, count * sizeof *b->rays);
         sample.count += count;
     }
-    for (i = 0; i < s->bench.entry_count; i++) s->ways[i].trial = INFINITY;
+    for (i = 0; i < s->bench.entry_count; i++) s->ways[i].trial = (double)INFINITY;
     for (round = 0; round < PEERS_TRIALS; round++)
         for (i = 0; i < s->bench.entry_count; i++)
             s->ways[i].trial = fmin(s->ways[i].trial, peers_time(&s->bench.entries[i], &sample, 0, sample.count, NULL));
@@ -554,19 +553,18 @@ static void peers_print_mean(const char *label, const peers_mean *mean)
     printf("  %-40s geometric mean %.2f, least %.2f (%s)\n", label, exp(mean->log_sum / (double)mean->count), mean->least, mean->where);
 }
 
-/* The opening of a table. */
-static void peers_print_title(peers *p, const char *table, const char *title)
+/* The opening of a table: of rays on so many threads; 0: its columns tell; less than 0: of no rays. embree: what its numbers are. */
+static void peers_print_title(peers *p, const char *table, const char *title, int threads, const char *embree)
 {
-    printf("\n%s: %s\n", table, title);
-    if (!*peers_name(&p->a)) printf("  Embree is not linked, for want of libembree-dev: ours alone\n");
-    p->spread = 0;
-}
+    const char *name = peers_name(&p->a);
 
-/* How the rays of a table are measured. */
-static void peers_print_how(const peers *p)
-{
-    printf("  %dx%d, %d thread%s, median of %d; ", p->a.width, p->a.height, pool_threads(p->threads), pool_threads(p->threads) == 1 ? "" : "s",
-           p->a.rounds);
+    printf("\n%s: %s\n  ", table, title);
+    if (threads >= 0) printf("%dx%d, ", p->a.width, p->a.height);
+    if (threads > 0) printf("%d thread%s, ", threads, threads == 1 ? "" : "s");
+    printf("median of %d; ", p->a.rounds);
+    if (*name) printf("%s: %s\n", name, embree);
+    else printf("Embree is not linked, for want of libembree-dev: ours alone\n");
+    p->spread = 0;
 }
 
 static void peers_print_way(int width, const peers_scene *s, int column)
@@ -630,10 +628,9 @@ static bool peers_rays(peers *p)
     size_t i;
     int kind, robust;
 
-    peers_print_title(p, "peers.rays", "Mrays/s of our default, auto on an RT_BVH, and of the best of ours and of Embree's");
-    peers_print_how(p);
-    printf("%s, or streams; rays said to be c coherent or i incoherent; tree of\n"
-           "  m medium or h high quality. Differing: rays whose hit, or only whose primitive, is not the one that we find\n", peers_name(&p->a));
+    peers_print_title(p, "peers.rays", "Mrays/s of our default, auto on an RT_BVH, and of the best of ours and of Embree's", pool_threads(p->threads),
+                      "and streams;\n  rays said to be c coherent or i incoherent; tree of m medium or h high quality");
+    printf("  differ: rays whose hit, or only whose primitive, is not the one that we find\n");
     printf("%-18s %-8s %6s%9s%9s %-12s%9s %-12s%9s %-12s%8s%9s %12s %12s\n", "", "", "Mrays", "auto", "fixed", "the best", "fast", "Embree's",
            "robust", "Embree's", "/ fast", "/ robust", "differ: fast", "robust");
     for (i = 0; i < p->count; i++) {
@@ -654,7 +651,7 @@ static bool peers_rays(peers *p)
 enum { BUILD_OURS, BUILD_EMBREE, BUILD_SIDES };
 
 typedef struct {
-    double seconds[BUILD_SIDES][PEERS_QUALITIES][2][PEERS_BUILDS];      /* on one thread and on two */
+    double seconds[BUILD_SIDES][PEERS_QUALITIES][2][MAX_ROUNDS];        /* on one thread and on two */
     size_t bytes[BUILD_SIDES][PEERS_QUALITIES];
 } peers_builds;
 
@@ -712,7 +709,7 @@ static bool peers_build_scene(const peers *p, const peers_scene *s, peers_builds
     pool *const pools[2] = { NULL, p->two };
     int round, quality, threads;
 
-    for (round = -1; round < PEERS_BUILDS; round++)
+    for (round = -1; round < p->a.rounds; round++)
         for (quality = 0; quality < PEERS_QUALITIES; quality++)
             for (threads = 0; threads < 2; threads++) {
                 const double ours = peers_build_ours(p, s, (peers_quality)quality, pools[threads], &out->bytes[BUILD_OURS][quality]);
@@ -730,12 +727,13 @@ static bool peers_build(peers *p)
     static const char *const ours_names[PEERS_QUALITIES] = { "fast", "default", "high" };
     peers_mean means[PEERS_QUALITIES][2] = { { { 0, 0, 0, NULL } } };
     char label[64];
+    static peers_builds builds;
     double processors = 0;
     size_t i;
     int side, quality, threads;
 
-    peers_print_title(p, "peers.build", "million triangles built a second, on one thread and on two; bytes a triangle");
-    printf("  median of %d; %s: rtcCommitScene alone, its bytes without its copy of the input\n", PEERS_BUILDS, peers_name(&p->a));
+    peers_print_title(p, "peers.build", "million triangles built a second, on one thread and on two; bytes a triangle", -1,
+                      "rtcCommitScene alone, its bytes without its copy of the input");
     printf("%28s%15s%15s%15s%15s%15s%15s%26s%26s\n", "", "ours: fast   ", "default   ", "high   ", "Embree: low   ", "medium   ", "high   ",
            "ours, bytes: fast to high", "Embree: low to high");
     printf("%-18s%10s", "", "triangles");
@@ -745,17 +743,15 @@ static bool peers_build(peers *p)
         const peers_scene *s = &p->scenes[i];
         const double n = (double)peers_triangles(s);
         double rates[BUILD_SIDES][PEERS_QUALITIES][2];
-        peers_builds builds;
 
         processors += peers_processors(p);
         if (n < PEERS_TINY) continue;
-        memset(&builds, 0, sizeof builds);
         if (!peers_build_scene(p, s, &builds)) return false;
         printf("%-18s %9.0f", s->title, n);
         for (side = 0; side < BUILD_SIDES; side++)
             for (quality = 0; quality < PEERS_QUALITIES; quality++, printf(" "))
                 for (threads = 0; threads < 2; threads++) {
-                    const double seconds = median(builds.seconds[side][quality][threads], PEERS_BUILDS);
+                    const double seconds = median(builds.seconds[side][quality][threads], p->a.rounds);
                     rates[side][quality][threads] = seconds > 0 ? n / seconds * 1e-6 : 0;
                     horn_print_cell(7, 2, rates[side][quality][threads]);
                 }
@@ -815,9 +811,8 @@ static bool peers_qualities(peers *p)
 {
     size_t i;
 
-    peers_print_title(p, "peers.quality", "Mrays/s by the quality of the tree; fixed: the better of bvh.wide, where it is built, and bvh.simd");
-    peers_print_how(p);
-    printf("%s: the best of its fast ways\n", peers_name(&p->a));
+    peers_print_title(p, "peers.quality", "Mrays/s by the quality of the tree; fixed: the better of bvh.wide, where it is built, and bvh.simd",
+                      pool_threads(p->threads), "the best of its fast ways");
     printf("%27s%18s%18s%18s%9s%13s%9s\n", "", "ours: fast", "default", "high", "Embree:", "medium    ", "high");
     printf("%27s%9s%9s%9s%9s%9s%9s\n", "", "auto", "fixed", "auto", "fixed", "auto", "fixed");
     for (i = 0; i < p->count; i++) {
@@ -885,10 +880,9 @@ static bool peers_scale(peers *p)
     bool ok = true;
     size_t i, k;
 
-    peers_print_title(p, "peers.scale", "memory and Mrays/s of our default against the number of triangles");
-    peers_print_how(p);
-    printf("peak: all that is allocated at the worst moment of a build on one thread, and that beside\n"
-           "  tree and input together; %s: the best of its fast ways on a tree of medium quality\n", peers_name(&p->a));
+    peers_print_title(p, "peers.scale", "memory and Mrays/s of our default against the number of triangles", pool_threads(p->threads),
+                      "the best of its fast ways on a tree of medium quality");
+    printf("  peak: all that is allocated at the worst moment of a build on one thread, and that beside tree and input together\n");
     printf("%-18s%11s%9s%11s%8s%10s%9s%-13s%7s%10s%9s%-13s%7s\n", "", "tree MB", "bytes/n", "peak MB", "x", "primary", "Embree", "", "x",
            "diffuse", "Embree", "", "x");
     for (i = 0; i < sizeof scenes / sizeof *scenes; i++)
@@ -952,8 +946,8 @@ static bool peers_threads(peers *p)
     double processors = 0;
     size_t i, k;
 
-    peers_print_title(p, "peers.threads", "Mrays/s of our default, and of Embree's best fast way, on one thread and on two");
-    printf("  %dx%d, median of %d; %s\n", p->a.width, p->a.height, p->a.rounds, peers_name(&p->a));
+    peers_print_title(p, "peers.threads", "Mrays/s of our default, and of Embree's best fast way, on one thread and on two", 0,
+                      "on a tree of medium or high quality");
     printf("%-27s%10s%9s%8s%10s%9s%8s%14s\n", "", "ours: 1", "2", "x", "Embree: 1", "2", "x", "ours / Embree");
     for (i = 0; i < p->count; i++) {
         peers_scene *s = &p->scenes[i];
@@ -976,7 +970,7 @@ static bool peers_threads(peers *p)
 static bool peers_tables(const arguments *given, pool *threads)
 {
     static const struct { bool (*print)(peers *); int size, rounds; } tables[PEERS_TABLE_COUNT] = {
-        [PEERS_RAYS]    = { peers_rays,      PEERS_SIZE,  PEERS_ROUNDS }, [PEERS_BUILD]   = { peers_build, PEERS_SIZE,  PEERS_ROUNDS },
+        [PEERS_RAYS]    = { peers_rays,      PEERS_SIZE,  PEERS_ROUNDS }, [PEERS_BUILD]   = { peers_build, PEERS_SIZE,  PEERS_FEW_ROUNDS },
         [PEERS_QUALITY] = { peers_qualities, PEERS_SMALL, PEERS_ROUNDS }, [PEERS_SCALE]   = { peers_scale, PEERS_SMALL, PEERS_FEW_ROUNDS },
         [PEERS_THREADS] = { peers_threads,   PEERS_SIZE,  PEERS_FEW_ROUNDS }
     };
