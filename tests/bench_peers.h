@@ -629,7 +629,7 @@ static bool peers_rays(peers *p)
     int kind, robust;
 
     peers_print_title(p, "peers.rays", "Mrays/s of our default, auto on an RT_BVH, and of the best of ours and of Embree's", pool_threads(p->threads),
-                      "and streams;\n  rays said to be c coherent or i incoherent; tree of m medium or h high quality");
+                      "or streams of rays,\n  said to be c coherent or i incoherent; tree of m medium or h high quality");
     printf("  differ: rays whose hit, or only whose primitive, is not the one that we find\n");
     printf("%-18s %-8s %6s%9s%9s %-12s%9s %-12s%9s %-12s%8s%9s %12s %12s\n", "", "", "Mrays", "auto", "fixed", "the best", "fast", "Embree's",
            "robust", "Embree's", "/ fast", "/ robust", "differ: fast", "robust");
