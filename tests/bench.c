@@ -1,8 +1,8 @@
 /* bench.c - speed of every algorithm on every kind of ray, with Embree beside them; and the tables of the papers that the algorithms
    come from, on our machine.    SPDX-License-Identifier: MIT OR Unlicense
 
-   >>vectors  >>rays  >>entries  >>embree  >>arguments  >>measure  >>output  >>plots  >>scenes  >>speed, bench_horn.h,
-   bench_overbeck.h, bench_lohr.h, bench_gpu.h, >>main
+   >>vectors  >>memory  >>rays  >>entries  >>embree  >>arguments  >>measure  >>output  >>plots  >>scenes  >>speed, bench_horn.h,
+   bench_overbeck.h, bench_lohr.h, bench_peers.h, bench_gpu.h, >>main
 
    How the numbers are made
      rays       One array for each scene and kind, made once, given to every algorithm in the same order. Primary rays of a pinhole, in
@@ -14,11 +14,20 @@
      counts     From a pass of its own before that, so that counting is not timed; it also warms up.
      checks     Every hit of every algorithm is compared with those of rt_trace's defaults, bit for bit: a difference is an error.
                 Embree's hits are compared for information; it rounds differently.
-     peers      Embree gets its own layout of the same rays, filled outside the timing, as ours are. It runs with the processor's
-                rounding and denormals as every program finds them. */
+     peers      Embree gets its own layout of the same rays, filled outside the timing, as ours are. It flushes denormals to zero, as
+                its documentation asks for; ours run with the processor as every program finds it. */
 
 #define _POSIX_C_SOURCE 200809L
 
+#include <stddef.h>
+
+/* What a builder holds. Builds that are not counted give no memory_user. */
+typedef struct { size_t bytes, peak; } memory_count;
+static void *counted_alloc(size_t size, memory_count *count);
+static void counted_free(void *pointer, memory_count *count);
+
+#define RT_MALLOC(size, user) counted_alloc(size, user)
+#define RT_FREE(pointer, user) counted_free(pointer, user)
 #define RT_IMPLEMENTATION
 #include "../rt.h"
 #define RT_GPU_IMPLEMENTATION
@@ -37,6 +46,9 @@
 
 #ifdef RT_BENCH_EMBREE
 #include <embree3/rtcore.h>
+#ifdef __SSE2__
+#include <xmmintrin.h>
+#endif
 #endif
 
 #define MEASURE_SECONDS 0.1                 /* the least work that one measurement times, where the table does not say less */
@@ -65,6 +77,36 @@ static rt_vec3 sub(rt_vec3 a, rt_vec3 b) { return vec(a.x - b.x, a.y - b.y, a.z 
 static rt_vec3 add_scaled(rt_vec3 a, rt_vec3 b, float s) { return vec(a.x + b.x * s, a.y + b.y * s, a.z + b.z * s); }
 static rt_vec3 cross(rt_vec3 a, rt_vec3 b) { return vec(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x); }
 static rt_vec3 unit(rt_vec3 a) { return add_scaled(vec(0, 0, 0), a, 1 / length(a)); }
+
+/* ---- >>memory ------------------------------------------------------------------------------------------------------- */
+
+enum { COUNTED_HEAD = 16 };                 /* room for a block's size before it; keeps malloc's alignment */
+
+static void *counted_alloc(size_t size, memory_count *count)
+{
+    char *block = size <= SIZE_MAX - COUNTED_HEAD ? malloc(size + COUNTED_HEAD) : NULL;
+    size_t bytes, peak;
+
+    if (!block) return NULL;
+    memcpy(block, &size, sizeof size);
+    if (count) {
+        bytes = __atomic_add_fetch(&count->bytes, size, __ATOMIC_RELAXED);
+        peak = __atomic_load_n(&count->peak, __ATOMIC_RELAXED);
+        while (peak < bytes && !__atomic_compare_exchange_n(&count->peak, &peak, bytes, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) { }
+    }
+    return block + COUNTED_HEAD;
+}
+
+static void counted_free(void *pointer, memory_count *count)
+{
+    char *block = (char *)pointer - COUNTED_HEAD;
+    size_t size;
+
+    if (!pointer) return;
+    memcpy(&size, block, sizeof size);
+    if (count) __atomic_sub_fetch(&count->bytes, size, __ATOMIC_RELAXED);
+    free(block);
+}
 
 /* ---- >>rays --------------------------------------------------------------------------------------------------------- */
 
@@ -197,7 +239,7 @@ struct entry {
     double median, spread;                  /* spread: (slowest - fastest) / median */
     size_t other_hits, other_prims;         /* rays whose hit, or only whose primitive, is not that of truth */
 
-    void (*prepare)(const entry *, const batch *);                          /* untimed, before each pass; may be NULL */
+    void (*prepare)(const entry *, const batch *, size_t first, size_t last);       /* untimed, before each pass; may be NULL */
     void (*trace)(const entry *, const batch *, size_t first, size_t last);
     void (*compare)(entry *, const batch *);
 
@@ -206,6 +248,8 @@ struct entry {
 #ifdef RT_BENCH_EMBREE
     RTCScene peer;                          /* Embree's */
     unsigned triangle_count;
+    bool stream;                            /* all rays in one call */
+    int coherence;                          /* what Embree is told of the rays: 1 coherent, -1 incoherent, 0 as their kind is */
 #endif
 };
 
@@ -236,21 +280,23 @@ static const struct {
 };
 enum { EMBREE_MODES = sizeof embree_modes / sizeof *embree_modes };
 
-/* A packet of n rays is 20 rows of n words, which for n = 1, 4, 8 is RTCRayHit, RTCRayHit4, RTCRayHit8. */
+/* A packet of n rays is 20 rows of n words, which for n = 1, 4, 8, 16 is RTCRayHit, RTCRayHit4, RTCRayHit8, RTCRayHit16. Where any hit
+   will do it is the first 12 of them: RTCRay, RTCRay4, RTCRay8, RTCRay16. */
 enum { ROW_ORG = 0, ROW_TNEAR = 3, ROW_DIR = 4, ROW_TIME = 7, ROW_TFAR = 8, ROW_MASK = 9, ROW_ID = 10, ROW_FLAGS = 11,
-       ROW_PRIM = 17, ROW_GEOMETRY = 18, ROW_INSTANCE = 19, ROWS = 20 };
+       ROW_PRIM = 17, ROW_GEOMETRY = 18, ROW_INSTANCE = 19, ROWS = 20, ROWS_ANY = 12 };
+enum { EMBREE_WIDEST = 16 };
 
 static uint32_t *embree_lane(const entry *e, const batch *b, size_t ray)
 {
-    size_t width = (size_t)e->packet;
-    return b->packets + ray / width * width * ROWS + ray % width;
+    const size_t width = (size_t)e->packet, rows = b->query == RT_ANY ? ROWS_ANY : ROWS;
+    return b->packets + ray / width * width * rows + ray % width;
 }
 
 /* Room for count rays in packets of any width; NULL: out of memory. */
 static uint32_t *embree_packets(size_t count)
 {
     void *out;
-    return posix_memalign(&out, 64, (count + 7) * ROWS * sizeof(uint32_t)) == 0 ? out : NULL;
+    return posix_memalign(&out, 64, (count + EMBREE_WIDEST - 1) * ROWS * sizeof(uint32_t)) == 0 ? out : NULL;
 }
 
 static uint32_t bits_of(float f)
@@ -267,11 +313,12 @@ static float float_of(uint32_t bits)
     return f;
 }
 
-static void embree_prepare(const entry *e, const batch *b)
+static void embree_prepare(const entry *e, const batch *b, size_t first, size_t last)
 {
-    size_t i, width = (size_t)e->packet;
+    const size_t width = (size_t)e->packet, rows = b->query == RT_ANY ? ROWS_ANY : ROWS;
+    size_t i;
 
-    for (i = 0; i < b->count; i++) {
+    for (i = first; i < last; i++) {
         const rt_ray *ray = &b->rays[i];
         const uint32_t row[ROWS] = { bits_of(ray->org.x), bits_of(ray->org.y), bits_of(ray->org.z), bits_of(ray->tmin),
                                      bits_of(ray->dir.x), bits_of(ray->dir.y), bits_of(ray->dir.z), bits_of(0),
@@ -279,36 +326,76 @@ static void embree_prepare(const entry *e, const batch *b)
                                      RTC_INVALID_GEOMETRY_ID, RTC_INVALID_GEOMETRY_ID };
         uint32_t *lane = embree_lane(e, b, i);
         size_t k;
-        for (k = 0; k < ROWS; k++) lane[k * width] = row[k];
+        for (k = 0; k < rows; k++) lane[k * width] = row[k];
     }
+}
+
+/* Flushes denormals to zero, results and operands, on this thread; returns what embree_leave restores. */
+static unsigned embree_enter(void)
+{
+#ifdef __SSE2__
+    const unsigned before = _mm_getcsr();
+    _mm_setcsr(before | 0x8040);
+    return before;
+#else
+    return 0;
+#endif
+}
+
+static void embree_leave(unsigned before)
+{
+#ifdef __SSE2__
+    _mm_setcsr(before);
+#else
+    (void)before;
+#endif
+}
+
+static void embree_closest(const entry *e, struct RTCIntersectContext *context, const int *valid, void *packet)
+{
+    if (e->packet == 1) rtcIntersect1(e->peer, context, packet);
+    else if (e->packet == 4) rtcIntersect4(valid, e->peer, context, packet);
+    else if (e->packet == 8) rtcIntersect8(valid, e->peer, context, packet);
+    else rtcIntersect16(valid, e->peer, context, packet);
+}
+
+static void embree_any(const entry *e, struct RTCIntersectContext *context, const int *valid, void *packet)
+{
+    if (e->packet == 1) rtcOccluded1(e->peer, context, packet);
+    else if (e->packet == 4) rtcOccluded4(valid, e->peer, context, packet);
+    else if (e->packet == 8) rtcOccluded8(valid, e->peer, context, packet);
+    else rtcOccluded16(valid, e->peer, context, packet);
 }
 
 static void embree_trace(const entry *e, const batch *b, size_t first, size_t last)
 {
-    static const int all[8] __attribute__((aligned(32))) = { -1, -1, -1, -1, -1, -1, -1, -1 };
-    int tail[8] __attribute__((aligned(32)));
+    static const int all[EMBREE_WIDEST] __attribute__((aligned(64))) = { -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1 };
+    int tail[EMBREE_WIDEST] __attribute__((aligned(64)));
+    const bool coherent = e->coherence ? e->coherence > 0 : b->kind != DIFFUSE;
+    const size_t width = (size_t)e->packet;
+    const unsigned before = embree_enter();
     struct RTCIntersectContext context;
-    size_t i, k, width = (size_t)e->packet;
+    size_t i, k;
 
     rtcInitIntersectContext(&context);
-    context.flags = b->kind == DIFFUSE ? RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT : RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
-    for (i = first; i < last; i += width) {
+    context.flags = coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
+    if (e->stream) {
+        void *rays = embree_lane(e, b, first);
+        const unsigned count = (unsigned)(last - first);
+        if (b->query == RT_CLOSEST) rtcIntersect1M(e->peer, &context, rays, count, ROWS * sizeof(uint32_t));
+        else rtcOccluded1M(e->peer, &context, rays, count, ROWS_ANY * sizeof(uint32_t));
+    }
+    for (i = first; i < last && !e->stream; i += width) {
         void *packet = embree_lane(e, b, i);
         const int *valid = all;
         if (last - i < width) {
             for (k = 0; k < width; k++) tail[k] = k < last - i ? -1 : 0;
             valid = tail;
         }
-        if (b->query == RT_CLOSEST) {
-            if (width == 1) rtcIntersect1(e->peer, &context, packet);
-            else if (width == 4) rtcIntersect4(valid, e->peer, &context, packet);
-            else rtcIntersect8(valid, e->peer, &context, packet);
-        } else {
-            if (width == 1) rtcOccluded1(e->peer, &context, packet);
-            else if (width == 4) rtcOccluded4(valid, e->peer, &context, packet);
-            else rtcOccluded8(valid, e->peer, &context, packet);
-        }
+        if (b->query == RT_CLOSEST) embree_closest(e, &context, valid, packet);
+        else embree_any(e, &context, valid, packet);
     }
+    embree_leave(before);
 }
 
 static void embree_compare(entry *e, const batch *b)
@@ -318,14 +405,19 @@ static void embree_compare(entry *e, const batch *b)
     e->other_hits = e->other_prims = 0;
     for (i = 0; i < b->count; i++) {
         const uint32_t *lane = embree_lane(e, b, i);
-        uint32_t prim = lane[ROW_PRIM * width];
-        float t = float_of(lane[ROW_TFAR * width]);
-        bool hit = b->query == RT_ANY ? t < 0 : lane[ROW_GEOMETRY * width] != RTC_INVALID_GEOMETRY_ID;
+        const float t = float_of(lane[ROW_TFAR * width]);
         const rt_hit *truth = &b->truth[i];
+        uint32_t prim, geometry;
 
-        if (lane[ROW_GEOMETRY * width] == 1) prim += e->triangle_count;
-        if (hit != (truth->prim != RT_NONE) || (hit && b->query == RT_CLOSEST && fabsf(t - truth->t) > 1e-4f * truth->t)) e->other_hits++;
-        else if (hit && b->query == RT_CLOSEST && prim != truth->prim) e->other_prims++;
+        if (b->query == RT_ANY) {
+            e->other_hits += (t < 0) != (truth->prim != RT_NONE);
+            continue;
+        }
+        geometry = lane[ROW_GEOMETRY * width];
+        prim = lane[ROW_PRIM * width] + (geometry == 1 ? e->triangle_count : 0);
+        if ((geometry != RTC_INVALID_GEOMETRY_ID) != (truth->prim != RT_NONE)) e->other_hits++;
+        else if (truth->prim != RT_NONE && fabsf(t - truth->t) > 1e-4f * truth->t) e->other_hits++;
+        else if (truth->prim != RT_NONE && prim != truth->prim) e->other_prims++;
     }
 }
 
@@ -336,15 +428,23 @@ static bool embree_count_bytes(void *user, ssize_t bytes, bool after)
     return true;
 }
 
-/* Embree's scene of geometry: triangles are geometry 0, spheres 1. The vertices are copied, since Embree reads 16 bytes at each. NULL:
-   Embree has failed. */
-static RTCScene embree_build(RTCDevice device, const rt_geometry *geometry, enum RTCSceneFlags flags)
+typedef struct { double wall, processor; } embree_times;
+
+static double seconds_of(clockid_t clock);
+
+/* Embree's scene of geometry: triangles are geometry 0, spheres 1. The vertices are copied, since Embree reads 16 bytes at each; *times,
+   unless that is NULL, is without the copying. NULL: Embree has failed. */
+static RTCScene embree_build(RTCDevice device, const rt_geometry *geometry, enum RTCSceneFlags flags, enum RTCBuildQuality quality,
+                             embree_times *times)
 {
     RTCScene out = rtcNewScene(device);
+    embree_times start;
+    unsigned before;
     bool filled = true;
     size_t i;
 
     rtcSetSceneFlags(out, flags);
+    rtcSetSceneBuildQuality(out, quality);
     if (geometry->triangle_count) {
         RTCGeometry mesh = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
         rt_vec3 *vertices =
@@ -354,6 +454,7 @@ static RTCScene embree_build(RTCDevice device, const rt_geometry *geometry, enum
         filled = vertices && indices;
         for (i = 0; filled && i < geometry->vertex_count; i++) vertices[i] = vertex_at(geometry, i);
         for (i = 0; filled && i < 3 * geometry->triangle_count; i++) indices[i] = vertex_index(geometry, i);
+        rtcSetGeometryBuildQuality(mesh, quality);
         rtcCommitGeometry(mesh);
         rtcAttachGeometryByID(out, mesh, 0);
         rtcReleaseGeometry(mesh);
@@ -368,7 +469,13 @@ static RTCScene embree_build(RTCDevice device, const rt_geometry *geometry, enum
         rtcAttachGeometryByID(out, balls, 1);
         rtcReleaseGeometry(balls);
     }
+    before = embree_enter();
+    start.wall = seconds_of(CLOCK_MONOTONIC);
+    start.processor = seconds_of(CLOCK_PROCESS_CPUTIME_ID);
     rtcCommitScene(out);
+    if (times) times->processor = seconds_of(CLOCK_PROCESS_CPUTIME_ID) - start.processor;
+    if (times) times->wall = seconds_of(CLOCK_MONOTONIC) - start.wall;
+    embree_leave(before);
     if (filled && rtcGetDeviceError(device) == RTC_ERROR_NONE) return out;
     rtcReleaseScene(out);
     return NULL;
@@ -433,13 +540,21 @@ typedef struct {
     X(LOHR_SCALING,    "lohr.scaling", "cost against the number of primitives")                     \
     X(LOHR_UPDATE,     "lohr.update",  "1,000 moving transforms re-inserted")
 
+#define PEERS_TABLES(X)                                                                             \
+    X(PEERS_RAYS,    "peers.rays",    "what the default traces, and Embree's best, on every kind of ray") \
+    X(PEERS_BUILD,   "peers.build",   "builders and memory, on one thread and on two")              \
+    X(PEERS_QUALITY, "peers.quality", "rates by the quality of the build")                          \
+    X(PEERS_SCALE,   "peers.scale",   "rates and memory against the number of triangles")           \
+    X(PEERS_THREADS, "peers.threads", "rays on one thread and on two")
+
 #define TABLE_ENUM(id, word, what) id,
 #define TABLE_WORD(id, word, what) word,
 enum { HORN_TABLES(TABLE_ENUM) HORN_TABLE_COUNT };
 enum { OVERBECK_TABLES(TABLE_ENUM) OVERBECK_TABLE_COUNT };
 enum { LOHR_TABLES(TABLE_ENUM) LOHR_TABLE_COUNT };
+enum { PEERS_TABLES(TABLE_ENUM) PEERS_TABLE_COUNT };
 static const char *const paper_words[] = { "speed", "horn", HORN_TABLES(TABLE_WORD) "overbeck", OVERBECK_TABLES(TABLE_WORD)
-                                           "lohr", LOHR_TABLES(TABLE_WORD) };
+                                           "lohr", LOHR_TABLES(TABLE_WORD) "peers", PEERS_TABLES(TABLE_WORD) };
 enum { PAPER_WORDS = sizeof paper_words / sizeof *paper_words };
 
 static bool complain(const char *format, ...) __attribute__((format(printf, 1, 2)));
@@ -670,7 +785,7 @@ static void print_help(void)
            "                     those that do not have N are left out\n"
            "  --structure NAME   only algorithms on this structure\n"
            "  --cull NAME        frustum culling, default none; others than bvh.masked, bvh.ranged and bvh.partition have none\n"
-           "  --isa NAME         instructions to use\n"
+           "  --isa NAME         instructions to use; with --paper peers of Embree too\n"
            "  --size WxH         primary rays, default 512x512\n"
            "  --threads N        default 1, with --gpu 0: one a processor\n"
            "  --repeat N         measured rounds, default 5, with a GPU 20, after a pass that counts and warms up\n"
@@ -693,7 +808,7 @@ static void print_help(void)
            "  --scenes DIR       on the paper's own scenes, from this folder; default: the environment's RT_SCENES, else procedural\n"
            "  --svg FILE         plots horn.figure2, overbeck.5, overbeck.6 and overbeck.7: where only one of them is asked for to FILE,\n"
            "                     else to horn_figure2.svg, overbeck_figure5.svg ... beside it. FILE may be a folder\n"
-           "  --triangles N      the most in horn.scaling, default 4000000\n"
+           "  --triangles N      the most in horn.scaling and peers.scale, default 4000000\n"
            "\nwords of --paper\n"
            "  speed              every algorithm on every kind of ray, and peers\n"
            "  horn               all of Horn et al. 2007, the k-d tree:\n", RT_MAX_SHORT_STACK);
@@ -703,6 +818,8 @@ static void print_help(void)
     OVERBECK_TABLES(TABLE_HELP)
     printf("  lohr               all of Lohr 2009, the stackless hierarchy:\n");
     LOHR_TABLES(TABLE_HELP)
+    printf("  peers              are we faster than Embree? In turns, median of 5, at 1024x1024, quality and scale at 512x512; not with --json\n");
+    PEERS_TABLES(TABLE_HELP)
     printf("\nalgorithms\n");
     for (i = 0; (info = rt_algorithm_get(i)) != NULL; i++)
         printf("  %-21s %s%s\n", info->name, info->what, info->built ? "" : " (not built yet)");
@@ -720,12 +837,14 @@ static void print_help(void)
 
 /* ---- >>measure ------------------------------------------------------------------------------------------------------ */
 
-static double now(void)
+static double seconds_of(clockid_t clock)
 {
     struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
+    clock_gettime(clock, &t);
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
+
+static double now(void) { return seconds_of(CLOCK_MONOTONIC); }
 
 typedef struct {
     const entry *e;
@@ -750,7 +869,7 @@ static double measure(const entry *e, const batch *b, pool *threads)
     w.e = e, w.b = b;
     w.chunk = pool_threads(threads) > 1 ? CHUNK : b->count;
     do {
-        if (e->prepare) e->prepare(e, b);
+        if (e->prepare) e->prepare(e, b, 0, b->count);
         start = now();
         pool_for(threads, (b->count + w.chunk - 1) / w.chunk, trace_chunk, &w);
         total += now() - start;
@@ -804,7 +923,7 @@ static bool count_all(entry *entries, size_t count, const batch *b)
         rt_trace_options options = e->options;
         rt_error error;
         if (!e->accel) {
-            if (e->prepare) e->prepare(e, b);
+            if (e->prepare) e->prepare(e, b, 0, b->count);
             e->trace(e, b, 0, b->count);
             continue;
         }
@@ -1198,7 +1317,7 @@ static bool add_all_embree(bench *s, const arguments *a, int threads)
         if (!s->device) return complain("Embree does not start");
         rtcSetDeviceMemoryMonitorFunction(s->device, embree_count_bytes, &bytes);
         start = now();
-        s->peers[i] = embree_build(s->device, &s->content.geometry, embree_modes[i].flags);
+        s->peers[i] = embree_build(s->device, &s->content.geometry, embree_modes[i].flags, RTC_BUILD_QUALITY_MEDIUM, NULL);
         e->build_seconds = now() - start;
         rtcSetDeviceMemoryMonitorFunction(s->device, NULL, NULL);
         if (!s->peers[i]) return complain("Embree cannot build %s", s->content.name);
@@ -1377,6 +1496,7 @@ static bool speed_tables(const arguments *given, pool *threads)
 #include "bench_horn.h"
 #include "bench_overbeck.h"
 #include "bench_lohr.h"
+#include "bench_peers.h"
 #include "bench_gpu.h"
 
 /* ---- >>main --------------------------------------------------------------------------------------------------------- */
@@ -1397,6 +1517,7 @@ int main(int argc, char **argv)
         if (threads && !a.gpu) ok = horn_tables(&a, threads) && ok;
         if (threads && !a.gpu) ok = overbeck_tables(&a, threads) && ok;
         if (threads && !a.gpu) ok = lohr_tables(&a, threads) && ok;
+        if (threads && !a.gpu) ok = peers_tables(&a, threads) && ok;
     }
     pool_destroy(threads);
     free(a.scenes);
