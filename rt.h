@@ -8303,7 +8303,10 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_beam RTI_NAME_(rti_beam)
 #define rti_views RTI_NAME_(rti_views)
 #define rti_view RTI_NAME_(rti_view)
-#define rti_measure_beam RTI_NAME_(rti_measure_beam)
+#define rti_set_window RTI_NAME_(rti_set_window)
+#define rti_set_reach_of RTI_NAME_(rti_set_reach_of)
+#define rti_beam_settle RTI_NAME_(rti_beam_settle)
+#define rti_beam_edges RTI_NAME_(rti_beam_edges)
 #define rti_make_beam RTI_NAME_(rti_make_beam)
 #define rti_beam_meets RTI_NAME_(rti_beam_meets)
 #define rti_beam_reaches RTI_NAME_(rti_beam_reaches)
@@ -11007,14 +11010,22 @@ RTI_LARGE_WALK(rti_walk_partition_count, RT_BVH_PARTITION, RTI_WALK_COUNT)
 /* RT_BVH_WIDE in large packets: rays through one point, the apex of their frustum, where they start or where they end. Seen from there a box,
    or a triangle, is a rectangle of slopes u / k and v / k from some s on, and a SIMD ray a smaller rectangle up to the s that it still has to
    look at. So 8 children are compared with all rays at once, and each that is left with 8 SIMD rays at once: no ray is tested against a
-   box. Rectangles are moved out by twice the frustum's pad: what a quotient rounds is less than once. */
+   box. Rectangles are moved out by twice the frustum's pad: what a quotient rounds is less than once.
+
+   Nor is a triangle that is surely hit, and surely nearer than what was hit before, tested at once: it waits until something comes near enough
+   to cast doubt, or until all is seen. So most rays pay for the test that decides once, and with RT_ANY hardly ever. */
 
 #define RTI_BEAM (256 / RTI_WIDTH)          /* SIMD rays, at most 64: a set of them is a uint64_t */
 
 typedef struct {
-    float low[2][RTI_BEAM], high[2][RTI_BEAM];      /* of each SIMD ray: its slopes; */
-    float reach[RTI_BEAM];                  /* the s up to which it needs hits; below 0: it needs none */
+    float low[2][RTI_BEAM], high[2][RTI_BEAM];      /* of each SIMD ray: its slopes, */
+    float reach[RTI_BEAM];                  /* and the s up to which it needs hits; below 0: it needs none */
     float farthest;                         /* of those */
+    float middle[2], room[2];               /* of all slopes: their middle, from which those of the rays now count, and how far they are from it */
+    bool waiting;                           /* hits may wait */
+    float first[RTI_BEAM][RTI_WIDTH];       /* of each ray: from what s on hits count for sure, */
+    float last[2][RTI_BEAM][RTI_WIDTH];     /* up to which s they do, and beyond which they surely do not; */
+    uint32_t waits[RTI_BEAM][RTI_WIDTH];    /* the triangle that waits for its test: 8 times its octet and where in it, or its slot; RT_NONE */
 } rti_beam;
 
 /* RTI_WIDTH rectangles, and where they begin. */
@@ -11037,21 +11048,37 @@ RTI_FN rti_views rti_view(const rti_v low[2], const rti_v high[2], rti_v from, r
     return r;
 }
 
-/* Slopes of all SIMD rays, and how far they reach. */
-RTI_FN void rti_measure_beam(const rti_large *g, int i, rti_beam *b)
+/* Those lanes of a SIMD ray as their t says. */
+RTI_FN void rti_set_window(const rti_large *g, rti_beam *b, int i, unsigned lanes)
 {
     const rti_packet *p = &g->rays[i];
-    const rti_frustum *f = &g->frustum;
-    rti_v depth = rti_vabs(rti_vload(p->dir[f->k]));
-    if (!p->live) b->reach[i] = -RTI_INFINITY;
-    else b->reach[i] = rti_vmost(rti_vmul(depth, f->to_point ? rti_vsub(rti_vset(1), rti_vload(p->tmin)) : rti_vload(p->t)));
-    b->reach[i] += b->reach[i] * 1e-6f + f->pad;
+    const bool to_point = g->frustum.to_point;
+    const rti_v tmin = rti_vload(p->tmin), t = rti_vload(p->t), one = rti_vset(1), e = rti_vset(1e-6f);
+    const rti_v depth = rti_vabs(rti_vload(p->dir[g->frustum.k])), more = rti_vmul(depth, e);
+    const rti_v from = rti_vmul(depth, to_point ? rti_vsub(one, t) : tmin), to = rti_vmul(depth, to_point ? rti_vsub(one, tmin) : t);
+    const rti_v first = rti_vadd(rti_vmul(from, rti_vadd(one, e)), more);
+    const rti_v low = rti_vsub(rti_vmul(to, rti_vsub(one, e)), more), high = rti_vadd(rti_vmul(to, rti_vadd(one, e)), more);
+    rti_vstore(b->first[i], rti_vselect(lanes, first, rti_vload(b->first[i])));
+    rti_vstore(b->last[0][i], rti_vselect(lanes, low, rti_vload(b->last[0][i])));
+    rti_vstore(b->last[1][i], rti_vselect(lanes, high, rti_vload(b->last[1][i])));
 }
 
-RTI_FN void rti_make_beam(const rti_large *g, rti_beam *b)
+RTI_FN void rti_set_reach_of(const rti_large *g, rti_beam *b, int i)
+{
+    const rti_packet *p = &g->rays[i];
+    b->reach[i] = p->live ? rti_vmost(rti_vselect(p->live, rti_vload(b->last[1][i]), rti_vset(-RTI_INFINITY))) + g->frustum.pad : -RTI_INFINITY;
+}
+
+/* Slopes of all SIMD rays, and how far they reach. */
+RTI_FN void rti_make_beam(rti_large *g, rti_beam *b)
 {
     int i, a;
     b->farthest = -RTI_INFINITY;
+    b->waiting = false;
+    for (a = 0; a < 2; a++) {
+        b->middle[a] = (g->frustum.low[a] + g->frustum.high[a]) * 0.5f;
+        b->room[a] = (g->frustum.high[a] - g->frustum.low[a]) * 0.51f;
+    }
     for (i = 0; i < RTI_BEAM; i++) {
         if (i >= g->count) {
             b->reach[i] = -RTI_INFINITY;
@@ -11062,8 +11089,11 @@ RTI_FN void rti_make_beam(const rti_large *g, rti_beam *b)
             const rti_v slope = rti_vload(g->rays[i].slope[a]);
             b->low[a][i] = rti_vleast(slope);
             b->high[a][i] = rti_vmost(slope);
+            rti_vstore(g->rays[i].slope[a], rti_vsub(slope, rti_vset(b->middle[a])));
         }
-        rti_measure_beam(g, i, b);
+        rti_set_window(g, b, i, RTI_ALL_LANES);
+        rti_set_reach_of(g, b, i);
+        rti_vstore((float *)(void *)b->waits[i], rti_vid(RT_NONE));
         if (b->reach[i] > b->farthest) b->farthest = b->reach[i];
     }
 }
@@ -11102,9 +11132,83 @@ RTI_FN int rti_lowest_of(uint64_t bits)
 #endif
 }
 
-/* The triangles of an octet: their rectangles tell which SIMD rays are asked, edges which lanes of them are tested. */
-RTI_NOINLINE RTI_TARGET void rti_beam_octet(rti_large *g, rti_beam *b, const rti_octet *octet, uint32_t count, uint64_t list, uint32_t inst,
-                                            const rti_job *job)
+/* As rti_edges, for RTI_WIDTH triangles whose coordinates stand stride apart, but about the middle of the slopes: seen along it vertices are
+   no farther from the rays than the triangle and the packet are wide, m, so the functions are wrong by less. With r as there, vertices are
+   misplaced by 16 e r (1 + steep), half of it by rti_hit_triangle, and by twice the sway: the error, of two vertices in two products, is 4 m times
+   that; half more is added, for products and sums that round. */
+RTI_FN unsigned rti_beam_edges(const rti_large *g, const rti_beam *b, const float *corners, size_t stride, rti_facets *t)
+{
+    const rti_frustum *f = &g->frustum;
+    const int axis[3] = { f->k, f->u, f->v };
+    rti_v p[3][3], reach = rti_vset(0), far = rti_vset(0), error, doubt, lo[3], hi[3];
+    unsigned below = 0, above = 0;
+    int i, k;
+    RTI_UNROLL
+    for (i = 0; i < 3; i++) {
+        RTI_UNROLL
+        for (k = 0; k < 3; k++) {
+            p[i][k] = rti_vsub(rti_vload(corners + stride * (size_t)(3 * i + axis[k])), rti_vset(f->apex[axis[k]]));
+            reach = rti_vmax(rti_vabs(p[i][k]), reach);
+        }
+        RTI_UNROLL
+        for (k = 1; k < 3; k++) p[i][k] = rti_vsub(p[i][k], rti_vmul(p[i][0], rti_vset(b->middle[k - 1])));
+        far = rti_vmax(rti_vadd(rti_vabs(p[i][1]), rti_vabs(p[i][2])), far);
+    }
+    far = rti_vfma(reach, rti_vset(b->room[0] + b->room[1]), far);
+    error = rti_vadd(rti_vmul(reach, rti_vset(9.6e-7f * (1 + f->steep))), rti_vset(2 * f->sway * (1 + f->steep) + 1e-30f));
+    doubt = rti_vmul(rti_vmul(error, rti_vadd(far, error)), rti_vset(6 * (1 + 2 * f->steep)));
+    doubt = rti_vadd(doubt, rti_vset(1e-34f));
+    RTI_UNROLL
+    for (i = 0; i < 3; i++) {
+        const rti_v *a = p[(i + 2) % 3], *c = p[(i + 1) % 3];
+        rti_v value[3], spread;
+        RTI_UNROLL
+        for (k = 0; k < 3; k++) {
+            const int y = (k + 1) % 3, z = (k + 2) % 3;
+            value[k] = rti_vsub(rti_vmul(a[y], c[z]), rti_vmul(a[z], c[y]));
+            rti_vstore(t->edge[i][k], value[k]);
+        }
+        spread = rti_vfma(rti_vabs(value[1]), rti_vset(b->room[0]), rti_vfma(rti_vabs(value[2]), rti_vset(b->room[1]), doubt));
+        lo[i] = rti_vsub(value[0], spread);
+        hi[i] = rti_vadd(value[0], spread);
+        below |= rti_vlt(hi[i], rti_vset(0));
+        above |= rti_vlt(rti_vset(0), lo[i]);
+    }
+    rti_vstore(t->doubt, doubt);
+    return ~(below & above) & RTI_ALL_LANES;
+}
+
+/* Tests what waits in those lanes of a SIMD ray. */
+RTI_NOINLINE RTI_TARGET void rti_beam_settle(const rt_accel *accel, rti_large *g, rti_beam *b, int i, unsigned lanes, uint32_t inst)
+{
+    rti_packet *p = &g->rays[i];
+    int lane, k;
+    rti_facets t;
+    t.corners[0] = t.gathered[0];
+    for (; lanes; lanes &= lanes - 1) {
+        const uint32_t id = b->waits[i][lane = rti_lowest_bit(lanes)];
+        unsigned same = 1u << lane;
+        if (id == RT_NONE) continue;
+        b->waits[i][lane] = RT_NONE;
+        for (k = lane + 1; k < RTI_WIDTH; k++)
+            if (lanes >> k & 1 && b->waits[i][k] == id) {
+                same |= 1u << k;
+                b->waits[i][k] = RT_NONE;
+            }
+        if (accel->octets) {
+            const rti_octet *octet = &accel->octets[id / RTI_CHILDREN];
+            for (k = 0; k < 9; k++) t.gathered[0][k] = octet->v[k][id % RTI_CHILDREN];
+            t.prim[0] = octet->prim[id % RTI_CHILDREN];
+        } else t.corners[0] = rti_corners(accel, id, t.gathered[0], &t.prim[0]);
+        k = (int)rti_facets_closest_likely(p, same, &t, 1, inst);
+        RT_ASSERT((unsigned)k == same);     /* it was sure */
+        p->found |= (unsigned)k;
+    }
+}
+
+/* The triangles of an octet: their rectangles tell which SIMD rays are asked, edges which lanes of them may hit. id: of the first, see waits. */
+RTI_NOINLINE RTI_TARGET void rti_beam_octet(const rt_accel *accel, rti_large *g, rti_beam *b, const rti_octet *octet, uint32_t count, uint32_t id,
+                                            uint64_t list, uint32_t inst, const rti_job *job)
 {
     const rti_frustum *f = &g->frustum;
     const bool any = job->query == RT_ANY;
@@ -11115,13 +11219,11 @@ RTI_NOINLINE RTI_TARGET void rti_beam_octet(rti_large *g, rti_beam *b, const rti
         const unsigned n = count - at < RTI_WIDTH ? count - at : RTI_WIDTH;
         const rti_v sign = rti_vset(f->sign), start = rti_vset(f->apex[f->k]);
         rti_v low[2], high[2], s[3], from, to;
-        float from_s[RTI_WIDTH], lows[2][RTI_WIDTH], highs[2][RTI_WIDTH];
+        float from_s[RTI_WIDTH], lows[2][RTI_WIDTH], highs[2][RTI_WIDTH], depths[3][RTI_WIDTH], deep[RTI_WIDTH];
         rti_views views;
         unsigned kept = RTI_ALL_LANES >> (RTI_WIDTH - n);
         RTI_UNROLL
-        for (k = 0; k < 9; k++) rti_vstore(t.corner[k], rti_vload(octet->v[k] + at));
-        RTI_UNROLL
-        for (i = 0; i < 3; i++) s[i] = rti_vmul(rti_vsub(rti_vload(t.corner[3 * i + f->k]), start), sign);
+        for (i = 0; i < 3; i++) s[i] = rti_vmul(rti_vsub(rti_vload(octet->v[3 * i + f->k] + at), start), sign);
         from = rti_vmin(rti_vmin(s[0], s[1]), s[2]);
         to = rti_vmax(rti_vmax(s[0], s[1]), s[2]);
         RTI_UNROLL
@@ -11129,7 +11231,7 @@ RTI_NOINLINE RTI_TARGET void rti_beam_octet(rti_large *g, rti_beam *b, const rti
             const int axis = k ? f->v : f->u;
             rti_v x[3];
             RTI_UNROLL
-            for (i = 0; i < 3; i++) x[i] = rti_vmul(rti_vsub(rti_vload(t.corner[3 * i + axis]), rti_vset(f->apex[axis])), sign);
+            for (i = 0; i < 3; i++) x[i] = rti_vmul(rti_vsub(rti_vload(octet->v[3 * i + axis] + at), rti_vset(f->apex[axis])), sign);
             low[k] = rti_vmin(rti_vmin(x[0], x[1]), x[2]);
             high[k] = rti_vmax(rti_vmax(x[0], x[1]), x[2]);
         }
@@ -11143,7 +11245,10 @@ RTI_NOINLINE RTI_TARGET void rti_beam_octet(rti_large *g, rti_beam *b, const rti
         }
         if (!kept) continue;
         rti_vstore(from_s, views.from);
-        kept &= rti_edges(g, &t);
+        rti_vstore(deep, rti_vsub(to, from));
+        RTI_UNROLL
+        for (i = 0; i < 3; i++) rti_vstore(depths[i], s[i]);
+        kept &= rti_beam_edges(g, b, octet->v[0] + at, RTI_CHILDREN, &t);
         for (; kept; kept &= kept - 1) {
             const int lane = rti_lowest_bit(kept);
             const float rect_low[2] = { lows[0][lane], lows[1][lane] }, rect_high[2] = { highs[0][lane], highs[1][lane] };
@@ -11152,6 +11257,9 @@ RTI_NOINLINE RTI_TARGET void rti_beam_octet(rti_large *g, rti_beam *b, const rti
             const rti_v vk = rti_vset(t.edge[1][0][lane]), vu = rti_vset(t.edge[1][1][lane]), vv = rti_vset(t.edge[1][2][lane]);
             const rti_v wk = rti_vset(t.edge[2][0][lane]), wu = rti_vset(t.edge[2][1][lane]), wv = rti_vset(t.edge[2][2][lane]);
             const rti_v above = rti_vset(t.doubt[lane]), below = rti_vset(-t.doubt[lane]);
+            const rti_v s0 = rti_vset(depths[0][lane]), s1 = rti_vset(depths[1][lane]), s2 = rti_vset(depths[2][lane]);
+            const rti_v doubt = rti_vset(4 * t.doubt[lane] * deep[lane]), blur = rti_vset(2 * f->pad);
+            const rti_v name = rti_vid(id + at + (uint32_t)lane);
             for (; asked; asked &= asked - 1) {
                 const int ray = rti_lowest_of(asked);
                 rti_packet *p = &g->rays[ray];
@@ -11159,20 +11267,43 @@ RTI_NOINLINE RTI_TARGET void rti_beam_octet(rti_large *g, rti_beam *b, const rti
                 const rti_v u = rti_vfma(su, uu, rti_vfma(sv, uv, uk));
                 const rti_v v = rti_vfma(su, vu, rti_vfma(sv, vv, vk));
                 const rti_v w = rti_vfma(su, wu, rti_vfma(sv, wv, wk));
-                const unsigned missed = rti_vlt(rti_vmin(rti_vmin(u, v), w), below) & rti_vlt(above, rti_vmax(rti_vmax(u, v), w));
-                const unsigned lanes = p->live & ~missed;
-                unsigned hit;
+                const rti_v least = rti_vmin(rti_vmin(u, v), w), most = rti_vmax(rti_vmax(u, v), w);
+                unsigned lanes = p->live & ~(rti_vlt(least, below) & rti_vlt(above, most)), sure, hit;
 #if RTI_STATS
                 if (job->stats) job->stats->prims += (uint64_t)rti_bit_count(p->live);
 #endif
                 if (!lanes) continue;
-                for (k = 0; k < 9; k++) t.gathered[0][k] = octet->v[k][at + (uint32_t)lane];
-                t.corners[0] = t.gathered[0];
-                t.prim[0] = octet->prim[at + (uint32_t)lane];
-                hit = (any ? rti_facets_any_likely : rti_facets_closest_likely)(p, lanes, &t, 1, inst);
-                if (!hit) continue;
+                {
+                    /* where it is hit, at s, and what that may be wrong by: weights by doubt, which moves s between the vertices alone, and the
+                       rest, what is found being off the ray, by a pad */
+                    const rti_v rsum = rti_vdiv(rti_vset(1), rti_vadd(rti_vadd(u, v), w));
+                    const rti_v at_s = rti_vmul(rti_vfma(u, s0, rti_vfma(v, s1, rti_vmul(w, s2))), rsum);
+                    const rti_v error = rti_vadd(rti_vadd(rti_vabs(rti_vmul(doubt, rsum)), blur), rti_vmul(rti_vabs(at_s), rti_vset(2e-6f)));
+                    const rti_v low_s = rti_vsub(at_s, error), high_s = rti_vadd(at_s, error);
+                    sure = lanes & (rti_vlt(above, least) | rti_vlt(most, below));
+                    lanes &= ~(sure & rti_vlt(rti_vload(b->last[1][ray]), low_s));
+                    sure &= lanes & rti_vlt(rti_vload(b->first[ray]), low_s) & rti_vlt(high_s, rti_vload(b->last[0][ray]));
+                    if (!any && f->to_point) sure = 0;      /* the nearest has the largest s there: all are tested */
+                    if (!lanes) continue;
+                    if (sure && !any) {
+                        rti_vstore(b->last[0][ray], rti_vselect(sure, low_s, rti_vload(b->last[0][ray])));
+                        rti_vstore(b->last[1][ray], rti_vselect(sure, high_s, rti_vload(b->last[1][ray])));
+                        rti_vstore((float *)(void *)b->waits[ray], rti_vselect(sure, name, rti_vload((const float *)(const void *)b->waits[ray])));
+                        b->waiting = true;
+                    }
+                }
+                hit = any ? sure : 0;
+                lanes &= ~sure;
+                if (lanes) {
+                    if (b->waiting) rti_beam_settle(accel, g, b, ray, lanes, inst);
+                    for (k = 0; k < 9; k++) t.gathered[0][k] = octet->v[k][at + (uint32_t)lane];
+                    t.corners[0] = t.gathered[0];
+                    t.prim[0] = octet->prim[at + (uint32_t)lane];
+                    hit |= (any ? rti_facets_any_likely : rti_facets_closest_likely)(p, lanes, &t, 1, inst);
+                    if (!any) rti_set_window(g, b, ray, lanes);
+                }
                 rti_note(g, p, hit, any);
-                rti_measure_beam(g, ray, b);
+                rti_set_reach_of(g, b, ray);
             }
         }
     }
@@ -11259,13 +11390,16 @@ RTI_FN void rti_beam_body(const rt_accel *accel, rti_large *g, uint32_t inst, co
                 rti_octet gathered;
                 const rti_octet *octet = accel->octets + index;
                 if (RTI_UNLIKELY(!accel->octets)) rti_gather_octet(accel, index, n, &gathered);
-                rti_beam_octet(g, &beam, accel->octets ? octet : &gathered, n, list, inst, job);
+                rti_beam_octet(accel, g, &beam, accel->octets ? octet : &gathered, n, accel->octets ? RTI_CHILDREN * index : index, list, inst, job);
             }
-            if (!g->open) return;
+            if (!g->open) return;           /* with RT_ANY, where nothing waits */
         }
 pop:
         do {
-            if (!top) return;
+            if (!top) {
+                for (i = 0; i < g->count && beam.waiting; i++) rti_beam_settle(accel, g, &beam, i, RTI_ALL_LANES, inst);
+                return;
+            }
             top--;
             list = rti_beam_reaches(&beam, stack[top].list, stack[top].from);
         } while (!list);
@@ -12352,8 +12486,11 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec
 #undef rti_beam
 #undef rti_views
 #undef rti_view
-#undef rti_measure_beam
+#undef rti_set_window
 #undef rti_make_beam
+#undef rti_beam_edges
+#undef rti_set_reach_of
+#undef rti_beam_settle
 #undef rti_beam_meets
 #undef rti_beam_reaches
 #undef rti_lowest_of
