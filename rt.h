@@ -8225,6 +8225,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_dot_exact RTI_NAME_(rti_dot_exact)
 #define rti_shear RTI_NAME_(rti_shear)
 #define rti_make_shear RTI_NAME_(rti_make_shear)
+#define rti_decide RTI_NAME_(rti_decide)
 #define rti_hit_triangle RTI_NAME_(rti_hit_triangle)
 #define rti_hit_triangles RTI_NAME_(rti_hit_triangles)
 #define rti_hit_spheres RTI_NAME_(rti_hit_spheres)
@@ -8307,6 +8308,8 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_set_reach_of RTI_NAME_(rti_set_reach_of)
 #define rti_beam_settle RTI_NAME_(rti_beam_settle)
 #define rti_beam_edges RTI_NAME_(rti_beam_edges)
+#define rti_beam_crosses RTI_NAME_(rti_beam_crosses)
+#define rti_beam_others RTI_NAME_(rti_beam_others)
 #define rti_make_beam RTI_NAME_(rti_make_beam)
 #define rti_beam_meets RTI_NAME_(rti_beam_meets)
 #define rti_beam_reaches RTI_NAME_(rti_beam_reaches)
@@ -8962,6 +8965,26 @@ RTI_FN rti_shear rti_make_shear(const rti_packet *p, int kz)
 }
 )
 
+/* What rti_hit_triangle decides, from sheared vertices a, b, c and their coordinates along kz; t, u, v of the lanes that it answers. */
+RTI_SHARED(
+RTI_FN unsigned rti_decide(unsigned hit, rti_v ax, rti_v ay, rti_v bx, rti_v by, rti_v cx, rti_v cy, rti_v az, rti_v bz, rti_v cz, rti_v oz,
+                           rti_d rdepth, rti_v *t, rti_v *u, rti_v *v)
+{
+    const rti_d ud = rti_edge_exact(cx, cy, bx, by), vd = rti_edge_exact(ax, ay, cx, cy), wd = rti_edge_exact(bx, by, ax, ay);
+    /* some are below 0 or some above: with both the ray passes outside; with neither the triangle is seen edge-on */
+    hit &= rti_dlt(rti_dmin(rti_dmin(ud, vd), wd), rti_dset(0)) ^ rti_dlt(rti_dset(0), rti_dmax(rti_dmax(ud, vd), wd));
+    if (hit) {
+        const rti_d depth = rti_widen(oz), rdet = rti_ddiv(rti_dset(1), rti_dadd(rti_dadd(ud, vd), wd));
+        rti_d td = rti_dadd(rti_product(ud, rti_dsub(rti_widen(az), depth)), rti_product(vd, rti_dsub(rti_widen(bz), depth)));
+        td = rti_dadd(td, rti_product(wd, rti_dsub(rti_widen(cz), depth)));
+        *t = rti_narrow(rti_dmul(rti_dmul(td, rdet), rdepth));
+        *u = rti_narrow(rti_dmul(vd, rdet));
+        *v = rti_narrow(rti_dmul(wd, rdet));
+    }
+    return hit;
+}
+)
+
 /* [Woop]: axes permuted so that kz is the ray's largest, org moved to the origin, sheared so that the ray is the z axis. A vertex becomes
    a 2D point that depends on ray and vertex alone, so triangles which share it agree about it to the last bit: nothing slips through.
    Float edge functions throw out most triangles; zeros, which may be wrong, count as inside. What is left is decided again, and its t, u,
@@ -8986,17 +9009,9 @@ RTI_FN unsigned rti_hit_triangle(rti_packet *p, const rti_shear *s, unsigned liv
         hit &= ~(rti_vlt(rti_vmin(rti_vmin(u, v), w), rti_vset(0)) & rti_vlt(rti_vset(0), rti_vmax(rti_vmax(u, v), w)));
     }
     if (hit) {
-        const rti_d ud = rti_edge_exact(cx, cy, bx, by), vd = rti_edge_exact(ax, ay, cx, cy), wd = rti_edge_exact(bx, by, ax, ay);
-        /* some are below 0 or some above: with both the ray passes outside; with neither the triangle is seen edge-on */
-        hit &= rti_dlt(rti_dmin(rti_dmin(ud, vd), wd), rti_dset(0)) ^ rti_dlt(rti_dset(0), rti_dmax(rti_dmax(ud, vd), wd));
-        if (hit) {
-            const rti_d depth = rti_widen(s->oz), rdet = rti_ddiv(rti_dset(1), rti_dadd(rti_dadd(ud, vd), wd));
-            rti_d td = rti_dadd(rti_product(ud, rti_dsub(rti_dset((double)a[kz]), depth)),
-                                rti_product(vd, rti_dsub(rti_dset((double)a[3 + kz]), depth)));
-            td = rti_dadd(td, rti_product(wd, rti_dsub(rti_dset((double)a[6 + kz]), depth)));
-            return rti_accept(p, hit, rti_narrow(rti_dmul(rti_dmul(td, rdet), rti_dload(p->rdepth))), rti_narrow(rti_dmul(vd, rdet)),
-                              rti_narrow(rti_dmul(wd, rdet)), prim, inst, flags);
-        }
+        rti_v t, u, v;
+        hit = rti_decide(hit, ax, ay, bx, by, cx, cy, rti_vset(a[kz]), rti_vset(a[3 + kz]), rti_vset(a[6 + kz]), s->oz, rti_dload(p->rdepth), &t, &u, &v);
+        if (hit) return rti_accept(p, hit, t, u, v, prim, inst, flags);
     }
     return 0;
 }
@@ -10133,18 +10148,11 @@ RTI_FN unsigned rti_hit_octet(rti_packet *p, int lane, const rti_octet *octet, u
         hit &= RTI_ALL_LANES;
         if (at + RTI_WIDTH > count) hit &= (1u << (count - at)) - 1;
         if (hit) {
-            const rti_d ud = rti_edge_exact(x[2], y[2], x[1], y[1]), vd = rti_edge_exact(x[0], y[0], x[2], y[2]);
-            const rti_d wd = rti_edge_exact(x[1], y[1], x[0], y[0]);
-            hit &= rti_dlt(rti_dmin(rti_dmin(ud, vd), wd), rti_dset(0)) ^ rti_dlt(rti_dset(0), rti_dmax(rti_dmax(ud, vd), wd));
-            if (hit) {
-                const rti_d depth = rti_widen(oz), rdet = rti_ddiv(rti_dset(1), rti_dadd(rti_dadd(ud, vd), wd));
-                rti_d td = rti_dadd(rti_product(ud, rti_dsub(rti_widen(rti_vload(zs)), depth)),
-                                    rti_product(vd, rti_dsub(rti_widen(rti_vload(zs + 3 * RTI_CHILDREN)), depth)));
-                td = rti_dadd(td, rti_product(wd, rti_dsub(rti_widen(rti_vload(zs + 6 * RTI_CHILDREN)), depth)));
-                found |= rti_accept_lanes(p, lane, hit, rti_narrow(rti_dmul(rti_dmul(td, rdet), rti_dset(p->rdepth[lane]))),
-                                          rti_narrow(rti_dmul(vd, rdet)), rti_narrow(rti_dmul(wd, rdet)), octet->prim + at, inst, flags);
-                if (flags & RTI_WALK_ANY && found) return found;
-            }
+            rti_v t, weight[2];
+            hit = rti_decide(hit, x[0], y[0], x[1], y[1], x[2], y[2], rti_vload(zs), rti_vload(zs + 3 * RTI_CHILDREN), rti_vload(zs + 6 * RTI_CHILDREN),
+                             oz, rti_dset(p->rdepth[lane]), &t, &weight[0], &weight[1]);
+            if (hit) found |= rti_accept_lanes(p, lane, hit, t, weight[0], weight[1], octet->prim + at, inst, flags);
+            if (flags & RTI_WALK_ANY && found) return found;
         }
     }
     return found;
@@ -10801,6 +10809,7 @@ static RTI_TARGET void rti_large_walk(const rt_accel *accel, rti_large *g, uint3
 
 /* The SIMD rays of list, where they meet the leaf's box, go on in object space as a large packet of their own: at most RTI_NESTED at once,
    so that nesting takes little stack. Through a k-d tree they go one by one. */
+/* The instances of a leaf; door: its box, or NULL. */
 RTI_NOINLINE RTI_TARGET void rti_large_instances(const rt_accel *accel, rti_large *g, const rti_door *door, uint32_t first, uint32_t count,
                                                  const unsigned char *list, int length, uint32_t inst, const rti_job *job)
 {
@@ -10818,7 +10827,7 @@ RTI_NOINLINE RTI_TARGET void rti_large_instances(const rt_accel *accel, rti_larg
         for (i = 0; i < length;) {
             for (inner.count = 0; i < length && inner.count < RTI_NESTED; i++) {
                 rti_packet *p = &g->rays[list[i]], *q = &packets[inner.count];
-                const unsigned lanes = rti_pass(g, door, p) & p->live;
+                const unsigned lanes = door ? rti_pass(g, door, p) & p->live : p->live;
                 q->live = lanes ? rti_enter_instance(in, in->accel, p, lanes, q, in->accel->structure == RT_BVH) : 0;
                 q->found = 0;
                 if (q->live) from[inner.count++] = list[i];
@@ -11022,6 +11031,8 @@ typedef struct {
     float reach[RTI_BEAM];                  /* and the s up to which it needs hits; below 0: it needs none */
     float farthest;                         /* of those */
     float middle[2], room[2];               /* of all slopes: their middle, from which those of the rays now count, and how far they are from it */
+    float center[2][RTI_BEAM], half[2][RTI_BEAM];   /* likewise of each SIMD ray, counted from that middle */
+    float slant;                            /* what doubt grows by where a ray's largest direction is not along k */
     bool waiting;                           /* hits may wait */
     float first[RTI_BEAM][RTI_WIDTH];       /* of each ray: from what s on hits count for sure, */
     float last[2][RTI_BEAM][RTI_WIDTH];     /* up to which s they do, and beyond which they surely do not; */
@@ -11075,6 +11086,7 @@ RTI_FN void rti_make_beam(rti_large *g, rti_beam *b)
     int i, a;
     b->farthest = -RTI_INFINITY;
     b->waiting = false;
+    b->slant = 1;
     for (a = 0; a < 2; a++) {
         b->middle[a] = (g->frustum.low[a] + g->frustum.high[a]) * 0.5f;
         b->room[a] = (g->frustum.high[a] - g->frustum.low[a]) * 0.51f;
@@ -11082,14 +11094,17 @@ RTI_FN void rti_make_beam(rti_large *g, rti_beam *b)
     for (i = 0; i < RTI_BEAM; i++) {
         if (i >= g->count) {
             b->reach[i] = -RTI_INFINITY;
-            for (a = 0; a < 2; a++) b->low[a][i] = b->high[a][i] = 0;
+            for (a = 0; a < 2; a++) b->low[a][i] = b->high[a][i] = b->center[a][i] = b->half[a][i] = 0;
             continue;
         }
+        if (g->rays[i].axis[g->frustum.k] != RTI_ALL_LANES) b->slant = 1 + 2 * g->frustum.steep;
         for (a = 0; a < 2; a++) {
             const rti_v slope = rti_vload(g->rays[i].slope[a]);
             b->low[a][i] = rti_vleast(slope);
             b->high[a][i] = rti_vmost(slope);
             rti_vstore(g->rays[i].slope[a], rti_vsub(slope, rti_vset(b->middle[a])));
+            b->center[a][i] = (b->low[a][i] + b->high[a][i]) * 0.5f - b->middle[a];
+            b->half[a][i] = (b->high[a][i] - b->low[a][i]) * 0.5f + 4e-7f * g->frustum.steep;
         }
         rti_set_window(g, b, i, RTI_ALL_LANES);
         rti_set_reach_of(g, b, i);
@@ -11135,7 +11150,8 @@ RTI_FN int rti_lowest_of(uint64_t bits)
 /* As rti_edges, for RTI_WIDTH triangles whose coordinates stand stride apart, but about the middle of the slopes: seen along it vertices are
    no farther from the rays than the triangle and the packet are wide, m, so the functions are wrong by less. With r as there, vertices are
    misplaced by 16 e r (1 + steep), half of it by rti_hit_triangle, and by twice the sway: the error, of two vertices in two products, is 4 m times
-   that; half more is added, for products and sums that round. */
+   that; half more is added, for products and sums that round. Where rti_hit_triangle looks along another axis, its functions are larger by up to
+   1 + 2 steep. */
 RTI_FN unsigned rti_beam_edges(const rti_large *g, const rti_beam *b, const float *corners, size_t stride, rti_facets *t)
 {
     const rti_frustum *f = &g->frustum;
@@ -11156,7 +11172,7 @@ RTI_FN unsigned rti_beam_edges(const rti_large *g, const rti_beam *b, const floa
     }
     far = rti_vfma(reach, rti_vset(b->room[0] + b->room[1]), far);
     error = rti_vadd(rti_vmul(reach, rti_vset(9.6e-7f * (1 + f->steep))), rti_vset(2 * f->sway * (1 + f->steep) + 1e-30f));
-    doubt = rti_vmul(rti_vmul(error, rti_vadd(far, error)), rti_vset(6 * (1 + 2 * f->steep)));
+    doubt = rti_vmul(rti_vmul(error, rti_vadd(far, error)), rti_vset(6 * b->slant));
     doubt = rti_vadd(doubt, rti_vset(1e-34f));
     RTI_UNROLL
     for (i = 0; i < 3; i++) {
@@ -11176,6 +11192,36 @@ RTI_FN unsigned rti_beam_edges(const rti_large *g, const rti_beam *b, const floa
     }
     rti_vstore(t->doubt, doubt);
     return ~(below & above) & RTI_ALL_LANES;
+}
+
+/* Those of list that do not pass beside a triangle, by the edges and all slopes that a SIMD ray has. */
+RTI_FN uint64_t rti_beam_crosses(const rti_beam *b, uint64_t list, const rti_facets *t, int lane)
+{
+    const rti_v doubt = rti_vset(t->doubt[lane]);
+    rti_v value[3][3], size[3][2];
+    uint64_t met = 0;
+    int i, k;
+    RTI_UNROLL
+    for (i = 0; i < 3; i++) {
+        RTI_UNROLL
+        for (k = 0; k < 3; k++) value[i][k] = rti_vset(t->edge[i][k][lane]);
+        RTI_UNROLL
+        for (k = 0; k < 2; k++) size[i][k] = rti_vabs(value[i][k + 1]);
+    }
+    for (i = 0; i < RTI_BEAM; i += RTI_WIDTH) {
+        const rti_v cu = rti_vload(b->center[0] + i), cv = rti_vload(b->center[1] + i), hu = rti_vload(b->half[0] + i), hv = rti_vload(b->half[1] + i);
+        rti_v least = rti_vset(RTI_INFINITY), most = rti_vset(-RTI_INFINITY);
+        if (!(list >> i & RTI_ALL_LANES)) continue;
+        RTI_UNROLL
+        for (k = 0; k < 3; k++) {
+            const rti_v at = rti_vfma(cu, value[k][1], rti_vfma(cv, value[k][2], value[k][0]));
+            const rti_v spread = rti_vfma(hu, size[k][0], rti_vfma(hv, size[k][1], doubt));
+            least = rti_vmin(rti_vadd(at, spread), least);
+            most = rti_vmax(rti_vsub(at, spread), most);
+        }
+        met |= (uint64_t)(RTI_ALL_LANES & ~(rti_vlt(least, rti_vset(0)) & rti_vlt(rti_vset(0), most))) << i;
+    }
+    return met & list;
 }
 
 /* Tests what waits in those lanes of a SIMD ray. */
@@ -11218,33 +11264,39 @@ RTI_NOINLINE RTI_TARGET void rti_beam_octet(const rt_accel *accel, rti_large *g,
     for (at = 0; at < RTI_CHILDREN && at < count; at += RTI_WIDTH) {
         const unsigned n = count - at < RTI_WIDTH ? count - at : RTI_WIDTH;
         const rti_v sign = rti_vset(f->sign), start = rti_vset(f->apex[f->k]);
-        rti_v low[2], high[2], s[3], from, to;
+        const float pad = 2 * f->pad;
+        rti_v s[3], rs[3], from, to, start_s, off;
         float from_s[RTI_WIDTH], lows[2][RTI_WIDTH], highs[2][RTI_WIDTH], depths[3][RTI_WIDTH], deep[RTI_WIDTH];
-        rti_views views;
-        unsigned kept = RTI_ALL_LANES >> (RTI_WIDTH - n);
+        unsigned kept = RTI_ALL_LANES >> (RTI_WIDTH - n), around;
         RTI_UNROLL
         for (i = 0; i < 3; i++) s[i] = rti_vmul(rti_vsub(rti_vload(octet->v[3 * i + f->k] + at), start), sign);
         from = rti_vmin(rti_vmin(s[0], s[1]), s[2]);
         to = rti_vmax(rti_vmax(s[0], s[1]), s[2]);
+        start_s = rti_vsub(from, rti_vset(pad));
+        kept &= rti_vle(rti_vset(-pad), to) & rti_vle(start_s, rti_vset(b->farthest));
+        if (!kept) continue;
+        RTI_UNROLL
+        for (i = 0; i < 3; i++) rs[i] = rti_vdiv(sign, rti_vmax(s[i], rti_vset(1e-30f)));
+        around = rti_vlt(rti_vset(0), start_s);
+        off = rti_vdiv(rti_vset(pad), rti_vmax(start_s, rti_vset(1e-30f)));
         RTI_UNROLL
         for (k = 0; k < 2; k++) {
             const int axis = k ? f->v : f->u;
-            rti_v x[3];
+            rti_v x[3], low, high;
             RTI_UNROLL
-            for (i = 0; i < 3; i++) x[i] = rti_vmul(rti_vsub(rti_vload(octet->v[3 * i + axis] + at), rti_vset(f->apex[axis])), sign);
-            low[k] = rti_vmin(rti_vmin(x[0], x[1]), x[2]);
-            high[k] = rti_vmax(rti_vmax(x[0], x[1]), x[2]);
-        }
-        views = rti_view(low, high, from, to, 2 * f->pad);
-        kept &= rti_vle(rti_vset(-2 * f->pad), to) & rti_vle(views.from, rti_vset(b->farthest));
-        RTI_UNROLL
-        for (k = 0; k < 2; k++) {
-            kept &= rti_vle(views.low[k], rti_vset(f->high[k])) & rti_vle(rti_vset(f->low[k]), views.high[k]);
-            rti_vstore(lows[k], views.low[k]);
-            rti_vstore(highs[k], views.high[k]);
+            for (i = 0; i < 3; i++) x[i] = rti_vmul(rti_vsub(rti_vload(octet->v[3 * i + axis] + at), rti_vset(f->apex[axis])), rs[i]);
+            low = rti_vmin(rti_vmin(x[0], x[1]), x[2]);
+            high = rti_vmax(rti_vmax(x[0], x[1]), x[2]);
+            low = rti_vsub(low, rti_vmul(off, rti_vadd(rti_vset(1), rti_vabs(low))));
+            high = rti_vadd(high, rti_vmul(off, rti_vadd(rti_vset(1), rti_vabs(high))));
+            low = rti_vselect(around, low, rti_vset(-RTI_INFINITY));
+            high = rti_vselect(around, high, rti_vset(RTI_INFINITY));
+            kept &= rti_vle(low, rti_vset(f->high[k])) & rti_vle(rti_vset(f->low[k]), high);
+            rti_vstore(lows[k], low);
+            rti_vstore(highs[k], high);
         }
         if (!kept) continue;
-        rti_vstore(from_s, views.from);
+        rti_vstore(from_s, start_s);
         rti_vstore(deep, rti_vsub(to, from));
         RTI_UNROLL
         for (i = 0; i < 3; i++) rti_vstore(depths[i], s[i]);
@@ -11260,6 +11312,7 @@ RTI_NOINLINE RTI_TARGET void rti_beam_octet(const rt_accel *accel, rti_large *g,
             const rti_v s0 = rti_vset(depths[0][lane]), s1 = rti_vset(depths[1][lane]), s2 = rti_vset(depths[2][lane]);
             const rti_v doubt = rti_vset(4 * t.doubt[lane] * deep[lane]), blur = rti_vset(2 * f->pad);
             const rti_v name = rti_vid(id + at + (uint32_t)lane);
+            if (asked & (asked - 1)) asked = rti_beam_crosses(b, asked, &t, lane);
             for (; asked; asked &= asked - 1) {
                 const int ray = rti_lowest_of(asked);
                 rti_packet *p = &g->rays[ray];
@@ -11295,7 +11348,7 @@ RTI_NOINLINE RTI_TARGET void rti_beam_octet(const rt_accel *accel, rti_large *g,
                 hit = any ? sure : 0;
                 lanes &= ~sure;
                 if (lanes) {
-                    if (b->waiting) rti_beam_settle(accel, g, b, ray, lanes, inst);
+                    if (!any) rti_beam_settle(accel, g, b, ray, lanes, inst);
                     for (k = 0; k < 9; k++) t.gathered[0][k] = octet->v[k][at + (uint32_t)lane];
                     t.corners[0] = t.gathered[0];
                     t.prim[0] = octet->prim[at + (uint32_t)lane];
@@ -11309,12 +11362,43 @@ RTI_NOINLINE RTI_TARGET void rti_beam_octet(const rt_accel *accel, rti_large *g,
     }
 }
 
+#if RTI_SPHERES || RTI_INSTANCES
+/* The spheres or instances of a leaf: nothing may wait where they are tested. */
+RTI_NOINLINE RTI_TARGET void rti_beam_others(const rt_accel *accel, rti_large *g, rti_beam *b, uint32_t kind, uint32_t first, uint32_t count,
+                                             uint64_t list, uint32_t inst, const rti_job *job)
+{
+    const bool any = job->query == RT_ANY;
+    int length = 0, i;
+    (void)kind, (void)first, (void)count;
+    for (; list; list &= list - 1) {
+        i = rti_lowest_of(list);
+        g->order[length++] = (unsigned char)i;
+        if (b->waiting) rti_beam_settle(accel, g, b, i, RTI_ALL_LANES, inst);
+#if RTI_STATS
+        if (job->stats) job->stats->prims += (uint64_t)count * (uint64_t)rti_bit_count(g->rays[i].live);
+#endif
+    }
+#if RTI_SPHERES
+    for (i = 0; i < length && kind == RTI_SPHERE; i++) {
+        rti_packet *p = &g->rays[g->order[i]];
+        rti_note(g, p, rti_hit_spheres(accel, p, p->live, NULL, first, count, inst, any ? RTI_WALK_ANY : 0), any);
+    }
+#endif
+#if RTI_INSTANCES
+    if (kind == RTI_INSTANCE) rti_large_instances(accel, g, NULL, first, count, g->order, length, inst, job);
+#endif
+    for (i = 0; i < length; i++) {
+        if (!any) rti_set_window(g, b, g->order[i], RTI_ALL_LANES);
+        rti_set_reach_of(g, b, g->order[i]);
+    }
+}
+#endif
+
 /* From near to far: what waits lies on a stack, with the SIMD rays that met its box. */
 RTI_FN void rti_beam_body(const rt_accel *accel, rti_large *g, uint32_t inst, const int flags, const rti_job *job)
 {
     struct { uint64_t list; float from; uint32_t index, count; } stack[RTI_WIDE_STACK];
     const rti_frustum *f = &g->frustum;
-    const bool any = job->query == RT_ANY;
     const float pad = 2 * f->pad;
     rti_beam beam;
     uint32_t index = 0, count = 0;
@@ -11373,8 +11457,7 @@ RTI_FN void rti_beam_body(const rt_accel *accel, rti_large *g, uint32_t inst, co
                 const uint64_t met = rti_beam_meets(&beam, list, low, high, from[i]);
                 int at = top;
                 if (!met) continue;
-                if (!any)
-                    for (; at > base && stack[at - 1].from < from[i]; at--) stack[at] = stack[at - 1];
+                for (; at > base && stack[at - 1].from < from[i]; at--) stack[at] = stack[at - 1];
                 stack[at].list = met;
                 stack[at].from = from[i];
                 stack[at].index = node->index[i];
@@ -11392,6 +11475,9 @@ RTI_FN void rti_beam_body(const rt_accel *accel, rti_large *g, uint32_t inst, co
                 if (RTI_UNLIKELY(!accel->octets)) rti_gather_octet(accel, index, n, &gathered);
                 rti_beam_octet(accel, g, &beam, accel->octets ? octet : &gathered, n, accel->octets ? RTI_CHILDREN * index : index, list, inst, job);
             }
+#if RTI_SPHERES || RTI_INSTANCES
+            else rti_beam_others(accel, g, &beam, kind, index, n, list, inst, job);
+#endif
             if (!g->open) return;           /* with RT_ANY, where nothing waits */
         }
 pop:
@@ -12405,6 +12491,7 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec
 #undef rti_dot_exact
 #undef rti_shear
 #undef rti_make_shear
+#undef rti_decide
 #undef rti_hit_triangle
 #undef rti_hit_triangles
 #undef rti_hit_spheres
@@ -12488,6 +12575,8 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec
 #undef rti_view
 #undef rti_set_window
 #undef rti_make_beam
+#undef rti_beam_others
+#undef rti_beam_crosses
 #undef rti_beam_edges
 #undef rti_set_reach_of
 #undef rti_beam_settle
