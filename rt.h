@@ -57,12 +57,13 @@
 
      An accel takes 40 bytes a triangle (4 with opt->reference), 20 bytes a sphere (4), 168 bytes an instance, and its tree:
      RT_THREADED 32 bytes a node (0.7 to 1.5 n of them) and 8 for each of opt->orders, and 4 an instance; RT_BVH 32 bytes a node (at
-     most 2 n - 1 nodes, about n on meshes); RT_KDTREE 8 bytes a node (2 to 3 n on meshes), 14 more unless opt->no_backtrack, and 4
+     most 2 n - 1 nodes, about n on meshes), and unless opt->no_wide about 70 a triangle for RT_BVH_WIDE; RT_KDTREE 8 bytes a node (2 to 3 n on meshes), 14 more unless opt->no_backtrack, and 4
      bytes for each time that a leaf with several primitives names one (at most opt->max_duplication a primitive). While building,
      RT_BVH and RT_THREADED take 128 bytes a primitive more, half of them for nodes; RT_KDTREE 32 bytes a reference, twice at the top
      of the tree, and a lane of 1 MiB (208 KiB times opt->max_duplication), or 16 with a parallel_for. All is released before rt_build
-     returns; rt_get_info tells what an accel holds. Stack: 2 KiB for a single ray, 9 KiB for a packet of 4 or 8, and as much again for
-     each level of instances; large packets 46 KiB up to 16 x 16 rays, 166 KiB with 32 x 32, and 44 KiB for each level of instances. Of
+     returns; rt_get_info tells what an accel holds. Stack: 2 KiB for a single ray, 7 KiB by wide nodes, 9 KiB for a packet of 4 or 8, and as
+     much again for each level of instances; large packets 46 KiB up to 16 x 16 rays, 166 KiB with 32 x 32, and 44 KiB for each level of
+     instances, each time 24 KiB more by wide nodes. Of
      a packet of 16 x 16, tests of boxes and edges read 8 KiB and all tests together 20 KiB: that stays in a first-level cache of 32
      KiB. Of one of 32 x 32 only the former do, with 33 KiB, in one of 48.
 
@@ -96,6 +97,7 @@
      [Wald]      Wald: On fast Construction of SAH-based Bounding Volume Hierarchies, 2007
      [Woop]      Woop, Benthin, Wald: Watertight Ray/Triangle Intersection, JCGT 2013
      [Ize]       Ize: Robust BVH Ray Traversal, JCGT 2013
+     [Dammertz]  Dammertz, Hanika, Keller: Shallow Bounding Volume Hierarchies for Fast SIMD Ray Tracing of Incoherent Rays, 2008
      [Haines]    Haines, Guenther, Akenine-Moller: Precision Improvements for Ray/Sphere Intersection, Ray Tracing Gems 2019  */
 
 #ifndef RTI_PASS
@@ -311,7 +313,7 @@ RT_API bool rt_instance_transform_at(const rt_accel *accel, uint32_t inst, float
     X(RT_KD_SHORTSTACK,     "kd.shortstack",     RT_KDTREE,   "bounded stack over push-down (Horn A.4)")             \
     X(RT_KD_BACKTRACK,      "kd.backtrack",      RT_KDTREE,   "parent links and node boxes (Foley & Sugerman)")      \
     X(RT_BVH_STACK,         "bvh.stack",         RT_BVH,      "single ray, scalar, binary tree")                     \
-    X(RT_BVH_WIDE,          "bvh.wide",          RT_BVH,      "single ray, one node tests 4 or 8 children")          \
+    X(RT_BVH_WIDE,          "bvh.wide",          RT_BVH,      "single rays, or large packets of one origin or end, against 8 children at once") \
     X(RT_BVH_SIMD,          "bvh.simd",          RT_BVH,      "4 (2x2) or 8 rays in SIMD lanes (Overbeck 2.1)")      \
     X(RT_BVH_MASKED,        "bvh.masked",        RT_BVH,      "large packets, masked (Overbeck 3.1)")                \
     X(RT_BVH_RANGED,        "bvh.ranged",        RT_BVH,      "large packets, first active ray (Overbeck 3.2)")      \
@@ -372,7 +374,8 @@ typedef struct {
 typedef struct {
     rt_algorithm algorithm;                 /* RT_AUTO */
     int packet_width;                       /* 0 = the default; else one of rt_packet_widths. SIMD rays and k-d trees: 1 = single rays,
-                                               2 = 2x2, 8 = 8 rays, 0 = the widest. Large packets: 4, 8, 16 or 32 rays a side, 0 = 16.
+                                               2 = 2x2, 8 = 8 rays, 0 = the widest. RT_BVH_WIDE: 4, 8 or 16 rays a side, 0 and 1
+                                               = single rays. Large packets: 4, 8, 16 or 32 rays a side, 0 = 16.
                                                RT_THREADED_PARALLEL: 2, 4, 8 or 16 rays together, 0 = 8 */
     rt_cull cull;                           /* of large packets; RT_AUTO decides itself */
     rt_query query;                         /* RT_CLOSEST */
@@ -2556,7 +2559,7 @@ out:
 /* ---- >>collapse ----------------------------------------------------------------------------------------------------- */
 
 #if RTI_PACKETS
-/* The tree of RT_BVH_WIDE: nodes of the binary one with up to 8 children, those of the largest surface being opened first, and leaves of as
+/* The tree of RT_BVH_WIDE ([Dammertz]): nodes of the binary one with up to 8 children, those of the largest surface being opened first, and leaves of as
    many triangles as one octet holds, since an octet is tested at once however full it is. */
 
 /* For each binary node: how many triangles are below it, if there is nothing else and they fit in an octet; else 0. */
@@ -4525,11 +4528,12 @@ typedef struct { uint64_t unused; } rt_stats;
 #define RTI_COUNTS(job) false
 #endif
 
-/* What RT_AUTO learns, see rti_batch_auto: ticks of a ray, by each way to trace a BVH. */
-enum { RTI_BY_LARGE, RTI_BY_SIMD, RTI_BY_WIDE, RTI_WAYS };
+/* What RT_AUTO learns, see rti_batch_auto: ticks of a ray, by each way to trace a BVH; 0: not tried. */
+enum { RTI_BY_BEAM, RTI_BY_SIMD, RTI_BY_RANGED, RTI_BY_WIDE, RTI_WAYS };
 typedef struct {
     float cost[RTI_WAYS];
-    unsigned trials, rest;                  /* rest: packets until the next trial is done, which are the last, one a way; 0: now */
+    int next;                               /* the way that is tried next, */
+    unsigned trials, rest;                  /* and after how many packets */
 } rti_tuner;
 
 /* One call of rt_trace, resolved. */
@@ -4560,7 +4564,7 @@ static const rti_job rti_wide_jobs[] = {     /* the same by RT_BVH_WIDE */
 typedef void (*rti_batch_function)(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits);
 
 #define RTI_AUTO_RAYS 256u                  /* of a packet of RT_AUTO: 16 x 16 */
-#define RTI_TRIALS 64                       /* packets from one trial of RT_AUTO to the next; a quarter of it at first */
+#define RTI_TRIALS 256                      /* packets from one trial of RT_AUTO to the next; less at first, see rti_learn */
 
 #if RTI_PACKETS
 /* A clock that costs nothing to read, in units of its own; 0: there is none. */
@@ -4577,15 +4581,29 @@ RTI_INLINE uint64_t rti_ticks(void)
 #endif
 }
 
-/* A trial has taken ticks a ray. Means at first, which then fade slowly; a trial that something else has interrupted counts little. */
-static void rti_learn(rti_tuner *tuner, int way, int ways, float ticks)
+/* A trial of what is next has taken ticks a ray. Means at first, which then fade slowly; a trial that something else has interrupted counts
+   little. Where beams are the faster ones by far rays have much in common, and nothing else is tried; nor are single rays where some large
+   packets are. */
+static void rti_learn(rti_tuner *tuner, bool wide, float ticks)
 {
-    float *cost = &tuner->cost[way];
+    float *const costs = tuner->cost, *cost = &costs[tuner->next];
     const float weight = tuner->trials < 8 ? 1 / (float)(tuner->trials + 1) : 0.125f;
-    if (tuner->trials && ticks > 2 * *cost) ticks = 2 * *cost;
-    *cost += weight * (ticks - *cost);
-    tuner->rest = (unsigned)(ways - 1 - way);
-    if (!tuner->rest) tuner->rest = ++tuner->trials < 4 ? RTI_TRIALS / 4 : RTI_TRIALS;
+    if (*cost > 0 && ticks > 2 * *cost) ticks = 2 * *cost;
+    *cost = *cost > 0 ? *cost + weight * (ticks - *cost) : ticks;
+    tuner->next++;
+    if (tuner->next == RTI_BY_SIMD) return;
+    if (wide && tuner->next == RTI_BY_RANGED && costs[RTI_BY_BEAM] > 0.6f * costs[RTI_BY_SIMD]) return;
+    if (wide && tuner->next == RTI_BY_WIDE && rti_maxf(-costs[RTI_BY_BEAM], -costs[RTI_BY_RANGED]) < -0.8f * costs[RTI_BY_SIMD]) return;
+    tuner->next = 0;
+    tuner->rest = ++tuner->trials < 3 ? RTI_TRIALS / 16 : tuner->trials < 6 ? RTI_TRIALS / 4 : RTI_TRIALS;
+}
+
+RTI_INLINE int rti_fastest_way(const rti_tuner *tuner)
+{
+    int best = RTI_BY_BEAM, way;
+    for (way = best + 1; way < RTI_WAYS; way++)
+        if (tuner->cost[way] > 0 && tuner->cost[way] < tuner->cost[best]) best = way;
+    return best;
 }
 #endif
 
@@ -8129,7 +8147,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
     memset(&r, 0, sizeof r);
     if ((status = rti_choose(scene->accel, &opt->trace, RTI_BLOCK_RAYS, &r.batch, &r.job)) != RT_OK) return status;
     rti_choose_shaders(&r, opt->trace.isa);
-    r.tuners[0][RTI_EYE].cost[RTI_BY_SIMD] = r.tuners[0][RTI_EYE].cost[RTI_BY_WIDE] = 1;        /* a tile is too short to try what never was slower by much: eye rays go as large packets */
+                                            /* a tile is too short to try what never was slower by much: eye rays go as large packets */
     r.tuners[0][RTI_EYE].rest = UINT_MAX;
     r.raster = opt->raster;
     r.spp = rti_spp_of(opt);
@@ -11849,13 +11867,12 @@ RTI_NOINLINE RTI_TARGET void rti_batch_largest(const rt_accel *accel, const rti_
 
 /* RT_AUTO on a BVH. [Overbeck] Table 1 has Ranged with culling for rays that stay together; here SIMD rays are faster than Partition for
    those that soon part, and for those that have nothing in common single rays and wide nodes. Which they are is found by trying: now and then
-   a packet of 16 x 16, or two, goes each of these ways, by the clock, and the others as it was faster. Counts of nodes, boxes and triangles
+   a packet of 16 x 16 goes each of these ways, by the clock, and the others as it was faster. Counts of nodes, boxes and triangles
    foretell the time within 40 % only, since coherence is in the branches too. Hits do not tell how they were found; rt_stats would, so with
    them, as without a clock, large packets are taken for closest hits and SIMD rays for any. */
 RTI_NOINLINE RTI_TARGET void rti_batch_auto(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
 {
     const bool timed = rti_ticks() && !job->stats;
-    const unsigned ways = accel->wides ? RTI_WAYS : RTI_BY_WIDE;
     rti_packet packets[RTI_SIMD_RAYS / 4];
     rti_tuner fresh, *tuner = job->tuner ? job->tuner : &fresh;
     rti_job part = *job;
@@ -11865,23 +11882,19 @@ RTI_NOINLINE RTI_TARGET void rti_batch_auto(const rt_accel *accel, const rti_job
     part.side = 16;
     part.cull = RT_CULL_BOTH;
     for (first = 0; first < count; first = last) {
-        const size_t left = count - first, sample = left < 16 * RTI_AUTO_RAYS ? RTI_AUTO_RAYS : 2 * RTI_AUTO_RAYS;
-        const size_t most = !timed ? left : tuner->rest > ways ? (size_t)(tuner->rest - ways) * RTI_AUTO_RAYS : sample;
-        const bool few = left < RTI_AUTO_RAYS / 4, trial = timed && tuner->rest <= ways && !few;        /* few: they cannot stay together */
-        int way = job->query == RT_CLOSEST && !few ? RTI_BY_LARGE : RTI_BY_SIMD;
+        const size_t left = count - first, most = !timed ? left : tuner->rest ? (size_t)tuner->rest * RTI_AUTO_RAYS : RTI_AUTO_RAYS;
+        const bool few = left < RTI_AUTO_RAYS / 4, trial = timed && !tuner->rest && !few;       /* few: they cannot stay together */
+        int way = job->query == RT_CLOSEST && !few ? RTI_BY_BEAM : RTI_BY_SIMD;
         uint64_t start = 0;
-        unsigned i;
         if (trial) {
-            way = tuner->rest ? (int)(ways - tuner->rest) : 0;
+            way = tuner->next;
             start = rti_ticks();
-        } else if (timed && !few)
-            for (way = 0, i = 1; i < ways; i++)
-                if (tuner->cost[i] < tuner->cost[way]) way = (int)i;
+        } else if (timed && !few) way = rti_fastest_way(tuner);
         last = left < most ? count : first + most;
-        part.wide = way != RTI_BY_SIMD;
-        if (way == RTI_BY_LARGE) rti_batch_packets(accel, &part, rays, first, last, count, hits, packets);
+        part.wide = way == RTI_BY_BEAM || way == RTI_BY_WIDE;
+        if (way == RTI_BY_BEAM || way == RTI_BY_RANGED) rti_batch_packets(accel, &part, rays, first, last, count, hits, packets);
         else rti_batch_run(accel, &part, rays, first, last, hits);
-        if (trial) rti_learn(tuner, way, (int)ways, (float)(rti_ticks() - start) / (float)(last - first));
+        if (trial) rti_learn(tuner, accel->wides != NULL, (float)(rti_ticks() - start) / (float)(last - first));
         else if (timed && !few) tuner->rest -= (unsigned)((last - first + RTI_AUTO_RAYS - 1) / RTI_AUTO_RAYS);
     }
 }
