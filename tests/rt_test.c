@@ -3017,6 +3017,59 @@ static bool rtt_same_tree(const rt_accel *a, const rt_accel *b)
            && rtt_same_bytes(a->kdslots, b->kdslots, a->kdslot_count * sizeof *a->kdslots);
 }
 
+/* The same tree, bit for bit, whatever the compiler, its flags and the instructions that it may use. */
+static void rtt_test_pinned(void)
+{
+    static const struct { rt_quality quality; uint64_t hash; } known[] = {
+        { RT_BUILD_DEFAULT, UINT64_C(1493411459806315875) },
+        { RT_BUILD_FAST, UINT64_C(7573738656887001668) },
+        { RT_BUILD_HIGH, UINT64_C(2474049943500767034) }
+    };
+    enum { FACES = 30000 };
+    static float vertices[9 * FACES];
+    static rt_sphere spheres[100];
+    rt_geometry geometry;
+    uint32_t state = 1;
+
+    for (size_t i = 0; i < RTT_COUNT(vertices); i++) {          /* no product whose sum might be contracted */
+        state = state * 1664525 + 1013904223;
+        vertices[i] = (float)(state >> 20) / 64 + (i < 9 ? 0 : vertices[i - 9]) / (i % 45 < 9 ? 16 : 1.125f);
+    }
+    for (size_t i = 0; i < RTT_COUNT(spheres); i++) {
+        spheres[i].center = rtt_v(vertices[3 * i], vertices[3 * i + 1], vertices[3 * i + 2]);
+        spheres[i].radius = (float)(i % 8);
+    }
+    memset(&geometry, 0, sizeof geometry);
+    geometry.vertices = vertices;
+    geometry.vertex_count = 3 * (size_t)FACES;
+    geometry.triangle_count = FACES;
+    geometry.spheres = spheres;
+    geometry.sphere_count = RTT_COUNT(spheres);
+    for (size_t k = 0; k < RTT_COUNT(known); k++) {
+        uint64_t hash = UINT64_C(14695981039346656037);
+        rt_build_options options;
+        rt_accel *accel;
+
+        memset(&options, 0, sizeof options);
+        options.quality = known[k].quality;
+        if (!CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK))
+            return;
+        CHECK(rti_validate(accel));
+        for (size_t i = 0; i < accel->node_count; i++) {
+            uint32_t words[8];
+
+            memcpy(words, &accel->nodes[i], sizeof words);
+            for (int j = 0; j < 8; j++)
+                hash = (hash ^ words[j]) * UINT64_C(1099511628211);
+        }
+        for (size_t i = 0; i < accel->slots[RTI_TRIANGLE]; i++)
+            hash = (hash ^ accel->triangles[i].prim) * UINT64_C(1099511628211);
+        if (!CHECK(hash == known[k].hash))
+            printf("    quality %d: a tree of hash %llu\n", (int)known[k].quality, (unsigned long long)hash);
+        rt_free(accel);
+    }
+}
+
 /* The same tree, bit for bit, with any parallel_for. */
 static void rtt_test_parallel(void)
 {
@@ -10432,6 +10485,7 @@ static const rtt_test rtt_tests[] = {
     { "refit.errors", rtt_test_refit_errors },
     { "refit.nested", rtt_test_refit_nested },
     { "build.parallel", rtt_test_parallel },
+    { "build.pinned", rtt_test_pinned },
     { "build.bad", rtt_test_bad_primitives },
     { "build.layouts", rtt_test_layouts },
     { "build.million", rtt_test_million },
