@@ -1722,27 +1722,6 @@ RTI_NOINLINE bool rti_validate(const rt_accel *accel)
 /* One primitive while building. */
 typedef struct { float lo[3]; uint32_t prim; float hi[3]; uint32_t kind; } rti_ref;
 
-/* Linux, where it has to be asked, gives memory by large pages then: to be given it piece by piece took more than half of the time of a
-   build of a million triangles. Declared here since strict C hides it in the headers. */
-#if defined(__linux__) && defined(__GNUC__)
-extern int rti_madvise(void *pointer, size_t size, int advice) __asm__("madvise");
-static void rti_ask_large_pages(void *pointer, size_t size)
-{
-    const uintptr_t page = (uintptr_t)1 << 21, first = ((uintptr_t)pointer + page - 1) & ~(page - 1), last = ((uintptr_t)pointer + size) & ~(page - 1);
-    if (pointer && first < last) (void)rti_madvise((void *)first, last - first, 14 /* MADV_HUGEPAGE */);
-}
-#else
-static void rti_ask_large_pages(void *pointer, size_t size) { (void)pointer, (void)size; }
-#endif
-
-/* rti_alloc of what may be large. */
-static void *rti_alloc_large(size_t count, size_t size, void *user)
-{
-    void *pointer = rti_alloc(count, size, user);
-    rti_ask_large_pages(pointer, pointer ? count * size : 0);
-    return pointer;
-}
-
 #define RTI_CHUNK ((size_t)1 << 15)          /* refs that one call of a parallel_for's body looks at */
 static size_t rti_chunk_total(size_t count) { return (count + RTI_CHUNK - 1) / RTI_CHUNK; }
 
@@ -1792,7 +1771,7 @@ static rt_status rti_gather_refs(rt_accel *accel, const rt_geometry *geo, const 
     rt_status status = RT_OK;
     gather.geo = geo;
     gather.total = total;
-    gather.refs = *refs = (rti_ref *)rti_alloc_large(total, sizeof(rti_ref), opt->memory_user);
+    gather.refs = *refs = (rti_ref *)rti_alloc(total, sizeof(rti_ref), opt->memory_user);
     gather.bad = (size_t *)rti_alloc(chunks, 3 * sizeof(size_t), opt->memory_user);
     if (!gather.refs || !gather.bad) status = RT_ERROR_MEMORY;
     else {
@@ -2728,7 +2707,7 @@ static bool rti_fill_slots(rt_accel *accel, const rt_geometry *geo, const rt_bui
     size_t i, next[RTI_KINDS] = { 0, 0, 0 };
     for (i = 0; i < count; i++) accel->slots[rti_kind_of(geo, prims[i * stride])]++;
     if (reference) accel->triangle_ids = (uint32_t *)rti_alloc(accel->slots[RTI_TRIANGLE], sizeof(uint32_t), user);
-    else accel->triangles = (rti_triangle *)rti_alloc_large(accel->slots[RTI_TRIANGLE], sizeof(rti_triangle), user);
+    else accel->triangles = (rti_triangle *)rti_alloc(accel->slots[RTI_TRIANGLE], sizeof(rti_triangle), user);
     if (!accel->triangles && !accel->triangle_ids) return false;
     accel->bytes += accel->slots[RTI_TRIANGLE] * (reference ? sizeof(uint32_t) : sizeof(rti_triangle));
 #if RTI_SPHERES
@@ -2808,7 +2787,7 @@ static rt_status rti_build_bvh(rt_accel *accel, const rt_geometry *geo, const rt
     b.refs = refs;
     b.bins = opt->quality == RT_BUILD_FAST ? 8 : opt->quality == RT_BUILD_HIGH ? 32 : 16;
     b.traversal_cost = opt->traversal_cost > 0 ? opt->traversal_cost : (float)RTI_TRAVERSAL_COST;
-    b.pool = (rti_node *)rti_alloc_large(count, 2 * sizeof(rti_node), user);
+    b.pool = (rti_node *)rti_alloc(count, 2 * sizeof(rti_node), user);
     b.spare = (rti_ref *)(void *)b.pool;
     b.slices = (rti_slice *)rti_alloc(rti_slice_total(count), sizeof(rti_slice), user);
     b.boughs = (rti_bough *)rti_alloc(2 * RTI_MAX_DEPTH * (count / RTI_TASK) + 1, sizeof(rti_bough), user);    /* a level has count / RTI_TASK above */
@@ -2819,7 +2798,7 @@ static rt_status rti_build_bvh(rt_accel *accel, const rt_geometry *geo, const rt
     rti_for(opt->parallel_for, opt->parallel_user, b.bough_count, rti_build_task, &b);
 
     rti_place_boughs(&b);
-    accel->nodes = (rti_node *)rti_alloc_large(accel->node_count, sizeof(rti_node), user);
+    accel->nodes = (rti_node *)rti_alloc(accel->node_count, sizeof(rti_node), user);
     if (!accel->nodes) goto out;
     accel->bytes += accel->node_count * sizeof(rti_node);
     if (mixed) rti_number_slots(&b, count);
