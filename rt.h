@@ -1822,6 +1822,12 @@ RTI_INLINE void rti_qtrunc(rti_quad a, uint32_t xyz[3])                         
     xyz[1] = (uint32_t)_mm_extract_epi16(i, 2);
     xyz[2] = (uint32_t)_mm_extract_epi16(i, 4);
 }
+RTI_INLINE rti_quad rti_qyzx(rti_quad a) { return _mm_shuffle_ps(a, a, _MM_SHUFFLE(3, 0, 2, 1)); }
+RTI_INLINE float rti_qsum(rti_quad a)                                                      /* x + y + z */
+{
+    return _mm_cvtss_f32(_mm_add_ss(_mm_add_ss(a, _mm_shuffle_ps(a, a, 1)), _mm_movehl_ps(a, a)));
+}
+RTI_INLINE bool rti_qsame(rti_quad a, rti_quad b) { return (_mm_movemask_ps(_mm_cmpneq_ps(a, b)) & 7) == 0; }
 RTI_INLINE void rti_qturn(rti_quad a[3])                                                   /* rows to columns */
 {
     const __m128 xy = _mm_unpacklo_ps(a[0], a[1]), z = _mm_unpackhi_ps(a[0], a[1]);
@@ -1854,6 +1860,9 @@ RTI_INLINE void rti_qtrunc(rti_quad a, uint32_t xyz[3])
     int k;
     for (k = 0; k < 3; k++) xyz[k] = (uint32_t)a.f[k];
 }
+RTI_INLINE rti_quad rti_qyzx(rti_quad a) { return rti_qof(a.f[1], a.f[2], a.f[0]); }
+RTI_INLINE float rti_qsum(rti_quad a) { return a.f[0] + a.f[1] + a.f[2]; }
+RTI_INLINE bool rti_qsame(rti_quad a, rti_quad b) { return a.f[0] == b.f[0] && a.f[1] == b.f[1] && a.f[2] == b.f[2]; }
 RTI_INLINE void rti_qturn(rti_quad a[3])
 {
     const rti_quad x = a[0], y = a[1], z = a[2];
@@ -2131,6 +2140,7 @@ typedef struct {
     const rt_geometry *geo;
     const rt_build_options *opt;
     uint32_t *slot_of;                      /* of a ref, among those of its kind; NULL: all are of one */
+    bool mixed;                             /* refs are of several kinds */
     int bins;
     float traversal_cost;
     const rti_top *top;                     /* what is being split */
@@ -2389,7 +2399,7 @@ RTI_INLINE size_t rti_divide(const rti_builder *b, const rti_work *work, rti_bin
         }
     }
     if (count > RTI_MAX_LEAF) left = count / 2;                 /* all centroids equal, or too deep: halve as they stand */
-    else if (b->slot_of) left = rti_sort_kinds(refs, count);
+    else if (b->mixed) left = rti_sort_kinds(refs, count);
     if (left < count) {
         rti_bounds_of(refs, left, &sides[0], &centroids);
         rti_bounds_of(refs + left, count - left, &sides[1], &centroids);
@@ -2773,10 +2783,323 @@ static void rti_number_slots(rti_builder *b, size_t count)
     for (i = 0; i < count; i++) b->slot_of[i] = next[b->refs[i].kind]++;
 }
 
+/* ---- reinsertion ---- */
+
+/* A better tree from a finished one: a node is taken out, with all that is below it, and put back where the surfaces of all inner nodes become
+   least ([Bittner]). The search goes from its sibling to the siblings of its ancestors, and down from each as far as that can still be worth
+   it ([Meister] 3); it mostly ends after some 25 nodes. Nodes are tried from the largest surface on, a batch at a time: each looks for its
+   place in the tree as it was before the batch, and so in parallel; then one after the other moves where that is still worth it. So the tree
+   does not depend on threads. Leaves stay what they are, but refs are in their order no more: all is laid out anew. */
+
+#define RTI_BATCH    1024                   /* as good as 1 */
+#define RTI_SEARCHES 64                     /* by one call of a parallel_for's body */
+#define RTI_LOOKS    256                    /* the most nodes that a search looks at below a sibling: bounds time where many boxes overlap */
+#define RTI_LIMB_LEAF 0x80000000u
+
+/* A node that is linked: its two children, or, of a leaf, its first ref and RTI_LIMB_LEAF with what rti_node has as count. */
+typedef struct { float lo[3]; uint32_t left; float hi[3]; uint32_t right; } rti_limb;
+typedef char rti_check_limb[sizeof(rti_limb) == sizeof(rti_node) ? 1 : -1];
+
+typedef struct {
+    rti_limb *limbs;
+    uint32_t *parents;                      /* of a node; RT_NONE of the root */
+    unsigned char *heights;                 /* edges down to the deepest leaf */
+    uint32_t *chosen;                       /* nodes to move, by turns; */
+    const uint32_t *batch;                  /* batch_count of them, */
+    size_t batch_count;
+    uint32_t places[RTI_BATCH];             /* and what to move each beside; RT_NONE: it stays */
+    rti_quad unit;
+} rti_graft;
+
+RTI_INLINE rti_hull rti_limb_hull(const rti_limb *limb)
+{
+    rti_hull s;
+    s.lo = rti_qxyz(rti_qload(limb->lo));
+    s.hi = rti_qxyz(rti_qload(limb->hi));
+    return s;
+}
+
+RTI_INLINE rti_hull rti_hull_both(rti_hull a, rti_hull b)
+{
+    a.lo = rti_qmin(a.lo, b.lo);
+    a.hi = rti_qmax(a.hi, b.hi);
+    return a;
+}
+
+RTI_INLINE float rti_hull_area(rti_hull s, rti_quad unit)
+{
+    const rti_quad d = rti_qmul(rti_qsub(s.hi, s.lo), unit);
+    return rti_qsum(rti_qmul(d, rti_qyzx(d)));
+}
+
+RTI_INLINE uint32_t rti_sibling(const rti_graft *g, uint32_t node)
+{
+    const rti_limb *parent = &g->limbs[g->parents[node]];
+    return parent->left == node ? parent->right : parent->left;
+}
+
+static int rti_limb_depth(const rti_graft *g, uint32_t node)
+{
+    int depth = 0;
+    while ((node = g->parents[node]) != RT_NONE) depth++;
+    return depth;
+}
+
+/* May x stand beside a node at this depth? */
+RTI_INLINE bool rti_place_fits(const rti_graft *g, uint32_t x, uint32_t node, int depth)
+{
+    const int height = g->heights[x] > g->heights[node] ? g->heights[x] : g->heights[node];
+    return depth + 1 + height <= RTI_MAX_DEPTH;
+}
+
+/* The root stays where it is, and with it its children: taking one out would take out the root. */
+RTI_INLINE bool rti_may_move(const rti_graft *g, uint32_t node)
+{
+    return g->parents[node] != RT_NONE && g->parents[g->parents[node]] != RT_NONE;
+}
+
+/* Beside what x, which may move, saves most surface; RT_NONE: where it is. */
+static uint32_t rti_find_place(const rti_graft *g, uint32_t x)
+{
+    struct { uint32_t node; int depth; float spent, joint; } stack[RTI_MAX_DEPTH + 1];
+    const rti_limb *limbs = g->limbs;
+    const rti_quad unit = g->unit;
+    const rti_hull box = rti_limb_hull(&limbs[x]);
+    const float area = rti_hull_area(box, unit);
+    uint32_t best = RT_NONE, at = x, above = g->parents[x];
+    float won = 0, saved = rti_hull_area(rti_limb_hull(&limbs[above]), unit);      /* saved: surface that is gone when x is out */
+    int depth = rti_limb_depth(g, above), looks = 0;
+    rti_hull rest = box;                                                           /* what is below above without x */
+    while (above != RT_NONE) {
+        uint32_t node = rti_sibling(g, at);
+        const rti_hull beside = rti_limb_hull(&limbs[node]);
+        float spent = 0, joint = rti_hull_area(rti_hull_both(box, beside), unit);  /* spent: by how much x makes larger what is above node; */
+        int below = depth + 1, top = 0;                                            /* joint: node and x together */
+        for (;;) {
+            const rti_limb *limb = &limbs[node];
+            if (saved - spent - joint > won && rti_place_fits(g, x, node, below)) {
+                won = saved - spent - joint;
+                best = node;
+            }
+            spent += joint - rti_hull_area(rti_limb_hull(limb), unit);
+            if (!(limb->right & RTI_LIMB_LEAF) && saved - spent - area > won && looks++ < RTI_LOOKS) {
+                const float left = rti_hull_area(rti_hull_both(box, rti_limb_hull(&limbs[limb->left])), unit);
+                const float right = rti_hull_area(rti_hull_both(box, rti_limb_hull(&limbs[limb->right])), unit);
+                const bool swap = right < left;
+                RT_ASSERT(top <= RTI_MAX_DEPTH);
+                stack[top].node = swap ? limb->left : limb->right;
+                stack[top].depth = ++below;
+                stack[top].spent = spent;
+                stack[top++].joint = swap ? left : right;
+                node = swap ? limb->right : limb->left;
+                joint = swap ? right : left;
+                continue;
+            }
+            while (top && !(saved - stack[top - 1].spent - area > won)) top--;
+            if (!top--) break;
+            node = stack[top].node;
+            below = stack[top].depth;
+            spent = stack[top].spent;
+            joint = stack[top].joint;
+        }
+        if (at == x) rest = beside;
+        else {
+            rest = rti_hull_both(rest, beside);
+            saved -= rti_hull_area(rest, unit);
+            if (saved > won && g->parents[above] != RT_NONE && rti_place_fits(g, x, above, depth)) {
+                won = saved;
+                best = above;
+            }
+            saved += rti_hull_area(rti_limb_hull(&limbs[above]), unit);
+        }
+        at = above;
+        above = g->parents[above];
+        depth--;
+    }
+    return best;
+}
+
+static void rti_find_places(void *context, size_t part)
+{
+    rti_graft *g = (rti_graft *)context;
+    size_t i = part * RTI_SEARCHES, end = g->batch_count - i < RTI_SEARCHES ? g->batch_count : i + RTI_SEARCHES;
+    for (; i < end; i++) g->places[i] = rti_may_move(g, g->batch[i]) ? rti_find_place(g, g->batch[i]) : RT_NONE;
+}
+
+/* Sets box and height of a node from its children's; answers by how much its surface grows. same: nothing changes. */
+RTI_INLINE float rti_limb_refit(rti_graft *g, uint32_t node, bool *same)
+{
+    rti_limb *limb = &g->limbs[node];
+    const unsigned char left = g->heights[limb->left], right = g->heights[limb->right], height = (unsigned char)(1 + (left > right ? left : right));
+    const rti_hull was = rti_limb_hull(limb), is = rti_hull_both(rti_limb_hull(&g->limbs[limb->left]), rti_limb_hull(&g->limbs[limb->right]));
+    float lo[4], hi[4];
+    *same = rti_qsame(was.lo, is.lo) && rti_qsame(was.hi, is.hi) && height == g->heights[node];
+    g->heights[node] = height;
+    rti_qstore(lo, is.lo);
+    rti_qstore(hi, is.hi);
+    memcpy(limb->lo, lo, sizeof limb->lo);
+    memcpy(limb->hi, hi, sizeof limb->hi);
+    return rti_hull_area(is, g->unit) - rti_hull_area(was, g->unit);
+}
+
+/* Puts is where was is among the children of above, and refits from there up; answers by how much surfaces grow. */
+static double rti_replace(rti_graft *g, uint32_t above, uint32_t was, uint32_t is)
+{
+    double grown = 0;
+    bool same = false;
+    if (g->limbs[above].left == was) g->limbs[above].left = is;
+    else g->limbs[above].right = is;
+    g->parents[is] = above;
+    for (; above != RT_NONE && !same; above = g->parents[above]) grown += (double)rti_limb_refit(g, above, &same);
+    return grown;
+}
+
+/* Moves x beside node, its parent with it; answers by how much surfaces grow. */
+static double rti_move_limb(rti_graft *g, uint32_t x, uint32_t node)
+{
+    const uint32_t parent = g->parents[x];
+    double grown = rti_replace(g, g->parents[parent], parent, rti_sibling(g, x));
+    const uint32_t above = g->parents[node];
+    bool same;
+    g->limbs[parent].left = node;
+    g->limbs[parent].right = x;
+    g->parents[node] = parent;
+    grown += (double)rti_limb_refit(g, parent, &same);
+    return grown + rti_replace(g, above, node, parent);
+}
+
+/* Where moves before this one have left it possible, and worth it. */
+static void rti_try_move(rti_graft *g, uint32_t x, uint32_t node)
+{
+    uint32_t at, sibling;
+    int depth = -1;
+    if (!rti_may_move(g, x) || g->parents[node] == RT_NONE || node == g->parents[x] || node == (sibling = rti_sibling(g, x))) return;
+    for (at = node; at != RT_NONE && at != x; at = g->parents[at]) depth++;
+    if (at == x || !rti_place_fits(g, x, node, depth)) return;
+    if (!(rti_move_limb(g, x, node) < 0)) (void)rti_move_limb(g, x, sibling);
+}
+
+/* Upper bits of the surface, which order as it does: its exponent and 3 bits more. */
+#define RTI_AREA_KEYS 2048
+RTI_INLINE uint32_t rti_area_key(const rti_graft *g, size_t node)
+{
+    const float area = rti_hull_area(rti_limb_hull(&g->limbs[node]), g->unit);
+    uint32_t bits;
+    memcpy(&bits, &area, sizeof bits);
+    return bits >> 20;
+}
+
+/* Lists the count nodes of largest surface, as their keys tell it, but for the root. */
+static void rti_choose_limbs(rti_graft *g, size_t nodes, size_t count)
+{
+    uint32_t starts[RTI_AREA_KEYS], next = 0, key;
+    size_t i;
+    memset(starts, 0, sizeof starts);
+    for (i = 1; i < nodes; i++) starts[rti_area_key(g, i)]++;
+    for (key = RTI_AREA_KEYS; key-- > 0;) {
+        const uint32_t some = starts[key];
+        starts[key] = next;
+        next += some;
+    }
+    for (i = 1; i < nodes; i++) {
+        uint32_t *start = &starts[rti_area_key(g, i)];
+        if (*start < count) g->chosen[(*start)++] = (uint32_t)i;
+    }
+}
+
+/* Of a 64th of the nodes, twice; for RT_BUILD_HIGH then of as many again, and so on up to all. */
+static void rti_reinsert(rti_graft *g, const rt_build_options *opt, size_t nodes)
+{
+    int part, last = opt->quality == RT_BUILD_HIGH ? 0 : 6;
+    for (part = 7; part >= last; part--) {
+        const size_t most = (nodes >> (part < 6 ? part : 6)) + 32, count = most < nodes - 1 ? most : nodes - 1;
+        size_t first, i;
+        if (part != 6) rti_choose_limbs(g, nodes, count);
+        for (first = 0; first < count; first += RTI_BATCH) {
+            g->batch = g->chosen + first;
+            g->batch_count = count - first < RTI_BATCH ? count - first : RTI_BATCH;
+            rti_for(opt->parallel_for, opt->parallel_user, (g->batch_count + RTI_SEARCHES - 1) / RTI_SEARCHES, rti_find_places, g);
+            for (i = 0; i < g->batch_count; i++)
+                if (g->places[i] != RT_NONE) rti_try_move(g, g->batch[i], g->places[i]);
+        }
+    }
+}
+
+/* Lays limbs out as nodes, children side by side and in depth-first order. Kinds of refs, which leaves tell, make room for prims in order of
+   leaves. */
+static void rti_lay_limbs(rti_builder *b, const rti_graft *g)
+{
+    struct { uint32_t from, to; } stack[RTI_MAX_DEPTH + 1];
+    uint32_t next = 1, slots[RTI_KINDS] = { 0, 0, 0 }, i;
+    size_t out = 0;
+    int top = 1;
+    stack[0].from = stack[0].to = 0;
+    while (top) {
+        const rti_limb *limb = &g->limbs[stack[--top].from];
+        rti_node *node = &b->accel->nodes[stack[top].to];
+        memcpy(node->bounds, limb->lo, 3 * sizeof(float));
+        memcpy(node->bounds + 3, limb->hi, 3 * sizeof(float));
+        node->count = 0;
+        node->index = next;
+        if (limb->right & RTI_LIMB_LEAF) {
+            node->count = limb->right & ~RTI_LIMB_LEAF;
+            node->index = slots[rti_leaf_kind(node)];
+            slots[rti_leaf_kind(node)] += rti_leaf_count(node);
+            for (i = 0; i < rti_leaf_count(node); i++) b->refs[out++].kind = b->refs[limb->left + i].prim;
+            continue;
+        }
+        RT_ASSERT(top + 2 <= RTI_MAX_DEPTH + 1);
+        stack[top].from = limb->right;
+        stack[top++].to = next + 1;
+        stack[top].from = limb->left;
+        stack[top++].to = next;
+        next += 2;
+    }
+    b->accel->depth = g->heights[0];
+}
+
+/* Of a tree whose leaves have their first ref as index; works in the pool. */
+static rt_status rti_improve(rti_builder *b)
+{
+    const rti_node *nodes = b->accel->nodes;
+    const size_t count = b->accel->node_count;
+    void *user = b->opt->memory_user;
+    rti_graft g;
+    rti_box box;
+    size_t i;
+    int k;
+    g.parents = (uint32_t *)rti_alloc(count, 2 * sizeof(uint32_t) + 1, user);
+    if (!g.parents) return RT_ERROR_MEMORY;
+    g.limbs = (rti_limb *)(void *)b->pool;
+    g.chosen = g.parents + count;
+    g.heights = (unsigned char *)(g.chosen + count);
+    g.parents[0] = RT_NONE;
+    for (i = count; i-- > 0;) {             /* children first */
+        rti_limb *limb = &g.limbs[i];
+        memcpy(limb->lo, nodes[i].bounds, sizeof limb->lo);
+        memcpy(limb->hi, nodes[i].bounds + 3, sizeof limb->hi);
+        limb->left = nodes[i].index;
+        limb->right = nodes[i].count ? nodes[i].count | RTI_LIMB_LEAF : nodes[i].index + 1;
+        g.heights[i] = 0;
+        for (k = 0; k < 2 && !nodes[i].count; k++) {
+            const uint32_t child = nodes[i].index + (uint32_t)k;
+            g.parents[child] = (uint32_t)i;
+            if (g.heights[child] >= g.heights[i]) g.heights[i] = (unsigned char)(g.heights[child] + 1);
+        }
+    }
+    memcpy(box.lo, nodes[0].bounds, 3 * sizeof(float));
+    memcpy(box.hi, nodes[0].bounds + 3, 3 * sizeof(float));
+    g.unit = rti_qset(rti_unit_of(&box));
+    rti_reinsert(&g, b->opt, count);
+    rti_lay_limbs(b, &g);
+    rti_release(g.parents, user);
+    return RT_OK;
+}
+
 static rt_status rti_build_bvh(rt_accel *accel, const rt_geometry *geo, const rt_build_options *opt, rti_ref *refs, size_t count)
 {
     void *user = opt->memory_user;
-    const bool mixed = rti_sphere_count(geo) || rti_instance_count(geo);
+    const bool mixed = rti_sphere_count(geo) || rti_instance_count(geo), improve = opt->quality != RT_BUILD_FAST;
     rti_builder b;
     rt_status status = RT_ERROR_MEMORY;
 
@@ -2791,8 +3114,9 @@ static rt_status rti_build_bvh(rt_accel *accel, const rt_geometry *geo, const rt
     b.spare = (rti_ref *)(void *)b.pool;
     b.slices = (rti_slice *)rti_alloc(rti_slice_total(count), sizeof(rti_slice), user);
     b.boughs = (rti_bough *)rti_alloc(2 * RTI_MAX_DEPTH * (count / RTI_TASK) + 1, sizeof(rti_bough), user);    /* a level has count / RTI_TASK above */
-    if (mixed) b.slot_of = (uint32_t *)rti_alloc(count, sizeof(uint32_t), user);
-    if (!b.pool || !b.slices || !b.boughs || (mixed && !b.slot_of)) goto out;
+    b.mixed = mixed;
+    if (mixed && !improve) b.slot_of = (uint32_t *)rti_alloc(count, sizeof(uint32_t), user);
+    if (!b.pool || !b.slices || !b.boughs || (mixed && !improve && !b.slot_of)) goto out;
     rti_build_tops(&b, count);
     rti_for(opt->parallel_for, opt->parallel_user, b.bough_count, rti_bring_back, &b);
     rti_for(opt->parallel_for, opt->parallel_user, b.bough_count, rti_build_task, &b);
@@ -2801,12 +3125,13 @@ static rt_status rti_build_bvh(rt_accel *accel, const rt_geometry *geo, const rt
     accel->nodes = (rti_node *)rti_alloc(accel->node_count, sizeof(rti_node), user);
     if (!accel->nodes) goto out;
     accel->bytes += accel->node_count * sizeof(rti_node);
-    if (mixed) rti_number_slots(&b, count);
+    if (b.slot_of) rti_number_slots(&b, count);
     rti_for(opt->parallel_for, opt->parallel_user, b.bough_count, rti_place_bough, &b);
     rti_set_root(accel);
+    if (improve && rti_improve(&b) != RT_OK) goto out;
     rti_release(b.pool, user);
     b.pool = NULL;
-    if (rti_fill_slots(accel, geo, opt, &refs->prim, sizeof *refs / sizeof refs->prim, count)) status = RT_OK;
+    if (rti_fill_slots(accel, geo, opt, improve ? &refs->kind : &refs->prim, sizeof *refs / sizeof refs->prim, count)) status = RT_OK;
 out:
     rti_release(b.pool, user);
     rti_release(b.slices, user);
