@@ -260,8 +260,8 @@ typedef struct {
     rt_error *error;                        /* NULL: only the status tells */
 } rt_build_options;
 
-/* Builds *out from geo: O(n log n) time (binned SAH, [Wald], and reinsertion, [Meister]; k-d trees with clipping, [Havran]; depth at most 64 on any input), opt NULL
-   = defaults.
+/* Builds *out from geo: O(n log n) time (binned SAH, [Wald], and reinsertion, [Meister]; k-d trees with clipping, [Havran]; depth at most 64
+   on any input), opt NULL = defaults.
    RT_ERROR_GEOMETRY names the first bad primitive. On any failure *out is NULL and nothing is kept. */
 RT_API rt_status rt_build(rt_accel **out, const rt_geometry *geo, const rt_build_options *opt);
 
