@@ -3017,6 +3017,59 @@ static bool rtt_same_tree(const rt_accel *a, const rt_accel *b)
            && rtt_same_bytes(a->kdslots, b->kdslots, a->kdslot_count * sizeof *a->kdslots);
 }
 
+/* The same tree, bit for bit, whatever the compiler, its flags and the instructions that it may use. */
+static void rtt_test_pinned(void)
+{
+    static const struct { rt_quality quality; uint64_t hash; } known[] = {
+        { RT_BUILD_DEFAULT, UINT64_C(17418679197948549949) },
+        { RT_BUILD_FAST, UINT64_C(7573738656887001668) },
+        { RT_BUILD_HIGH, UINT64_C(16046738735141170099) }
+    };
+    enum { FACES = 30000 };
+    static float vertices[9 * FACES];
+    static rt_sphere spheres[100];
+    rt_geometry geometry;
+    uint32_t state = 1;
+
+    for (size_t i = 0; i < RTT_COUNT(vertices); i++) {          /* no product whose sum might be contracted */
+        state = state * 1664525 + 1013904223;
+        vertices[i] = (float)(state >> 20) / 64 + (i < 9 ? 0 : vertices[i - 9]) / (i % 45 < 9 ? 16 : 1.125f);
+    }
+    for (size_t i = 0; i < RTT_COUNT(spheres); i++) {
+        spheres[i].center = rtt_v(vertices[3 * i], vertices[3 * i + 1], vertices[3 * i + 2]);
+        spheres[i].radius = (float)(i % 8);
+    }
+    memset(&geometry, 0, sizeof geometry);
+    geometry.vertices = vertices;
+    geometry.vertex_count = 3 * (size_t)FACES;
+    geometry.triangle_count = FACES;
+    geometry.spheres = spheres;
+    geometry.sphere_count = RTT_COUNT(spheres);
+    for (size_t k = 0; k < RTT_COUNT(known); k++) {
+        uint64_t hash = UINT64_C(14695981039346656037);
+        rt_build_options options;
+        rt_accel *accel;
+
+        memset(&options, 0, sizeof options);
+        options.quality = known[k].quality;
+        if (!CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK))
+            return;
+        CHECK(rti_validate(accel));
+        for (size_t i = 0; i < accel->node_count; i++) {
+            uint32_t words[8];
+
+            memcpy(words, &accel->nodes[i], sizeof words);
+            for (int j = 0; j < 8; j++)
+                hash = (hash ^ words[j]) * UINT64_C(1099511628211);
+        }
+        for (size_t i = 0; i < accel->slots[RTI_TRIANGLE]; i++)
+            hash = (hash ^ accel->triangles[i].prim) * UINT64_C(1099511628211);
+        if (!CHECK(hash == known[k].hash))
+            printf("    quality %d: a tree of hash %llu\n", (int)known[k].quality, (unsigned long long)hash);
+        rt_free(accel);
+    }
+}
+
 /* The same tree, bit for bit, with any parallel_for. */
 static void rtt_test_parallel(void)
 {
@@ -3247,6 +3300,88 @@ static void rtt_test_quality(void)
         sah = info.sah;
         rt_free(accel);
     }
+    rtt_model_free(&model);
+}
+
+/* Reinsertion: long triangles across each other, and spheres, cost less with each quality, in the same tree with any parallel_for; of triangles
+   one inside the other, which would be best as a list, the tree stays as deep as traversals allow. */
+static void rtt_test_reinsertion(void)
+{
+    static const rt_quality order[] = { RT_BUILD_FAST, RT_BUILD_DEFAULT, RT_BUILD_HIGH };
+    static const rt_parallel_for loops[] = { rtt_backwards, rtt_threaded, rtt_threaded_7 };
+    rtt_random random = rtt_stream();
+    double sah = HUGE_VAL;
+    rtt_model model = { 0 };
+    rtt_rays rays = { 0 };
+    rt_build_options options;
+    rt_geometry geometry;
+    rt_accel *accel, *parallel;
+    rt_info info;
+    rt_hit *want;
+
+    for (int i = 0; i < 20000 / RTT_SCALE; i++) {
+        rt_vec3 a = rtt_point(&random, rtt_origin, 1), along = rtt_v(0, 0, 0);
+
+        *(i % 3 == 0 ? &along.x : i % 3 == 1 ? &along.y : &along.z) = 1;
+        rtt_face(&model, a, rtt_add(a, along), rtt_add(a, rtt_point(&random, rtt_origin, 0.01f)));
+    }
+    rtt_cloud(&model, &random, 20000 / RTT_SCALE, rtt_origin, 1, 0.01f);
+    rtt_balls(&model, &random, 2000, rtt_origin, 1, 0.02f);
+    geometry = rtt_geometry(&model);
+    memset(&options, 0, sizeof options);
+    for (size_t q = 0; q < RTT_COUNT(order); q++) {
+        options.quality = order[q];
+        options.parallel_for = NULL;
+        if (!CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK))
+            break;
+        rt_get_info(accel, &info);
+        rtt_check_accel("reinsertion", accel, &geometry);
+        if (!CHECK(info.sah < 0.99 * sah))
+            printf("    quality %d: %g, after %g\n", (int)order[q], info.sah, sah);
+        sah = info.sah;
+        for (size_t k = 0; k < RTT_COUNT(loops); k++) {
+            size_t calls = 0;
+
+            options.parallel_for = loops[k];
+            options.parallel_user = &calls;
+            if (CHECK_STATUS(rt_build(&parallel, &geometry, &options), RT_OK)) {
+                CHECK(rtt_same_tree(accel, parallel));
+                rt_free(parallel);
+            }
+        }
+        rt_free(accel);
+    }
+    rtt_model_free(&model);
+
+    memset(&model, 0, sizeof model);
+    options.parallel_for = NULL;
+    for (int i = 0; i < 600; i++) {
+        const float size = rtt_f(1e17f * powf(0.9f, (float)i));
+
+        rtt_face(&model, rtt_v(size, 0, 0), rtt_v(0, size, 0), rtt_v(0, 0, size));
+    }
+    for (int i = 0; i < 150; i++) {
+        rtt_segment(&rays, rtt_origin, rtt_add(rtt_v(1, 1, 1), rtt_point(&random, rtt_origin, 0.3f)), 0, INFINITY);
+        rtt_aim(&rays, rtt_point(&random, rtt_origin, rtt_f(1e17f * powf(0.8f, (float)i))), rtt_feature(&model, &random));
+    }
+    want = (rt_hit *)rtt_array(rays.count, sizeof *want);
+    rtt_oracle_all(&model, &rays, want);
+    geometry = rtt_geometry(&model);
+    for (size_t q = 0; q < RTT_COUNT(order); q++) {
+        options.quality = order[q];
+        if (!CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK))
+            break;
+        rt_get_info(accel, &info);
+        rtt_check_accel("reinsertion", accel, &geometry);
+        if (!CHECK(info.depth <= RTI_MAX_DEPTH && (order[q] != RT_BUILD_HIGH || info.depth == RTI_MAX_DEPTH)))
+            printf("    quality %d: depth %d\n", (int)order[q], info.depth);
+        rtt_compare_all("reinsertion", accel, &rays, want);
+        CHECK_STATUS(rt_refit(accel, &geometry), RT_OK);
+        rtt_compare_all("reinsertion refitted", accel, &rays, want);
+        rt_free(accel);
+    }
+    free(want);
+    rtt_rays_free(&rays);
     rtt_model_free(&model);
 }
 
@@ -10487,10 +10622,12 @@ static const rtt_test rtt_tests[] = {
     { "refit.errors", rtt_test_refit_errors },
     { "refit.nested", rtt_test_refit_nested },
     { "build.parallel", rtt_test_parallel },
+    { "build.pinned", rtt_test_pinned },
     { "build.bad", rtt_test_bad_primitives },
     { "build.layouts", rtt_test_layouts },
     { "build.million", rtt_test_million },
     { "build.quality", rtt_test_quality },
+    { "build.reinsertion", rtt_test_reinsertion },
     { "memory.out-of", rtt_test_out_of_memory },
     { "options.trace", rtt_test_trace_options },
     { "options.build", rtt_test_build_options },
