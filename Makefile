@@ -7,7 +7,7 @@ LIBS    = -lm -lpthread -ldl
 # config=NAME builds into build/NAME; release, the default, into build
 FLAGS_release  = -O2
 FLAGS_scalar   = -O2 -DRT_NO_SIMD
-FLAGS_asan     = -O1 -g -DRTT_SCALE=4 -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
+FLAGS_asan     = -O1 -g -DRTT_SCALE=8 -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
 FLAGS_tsan     = -O1 -g -DRTT_SCALE=2 -fsanitize=thread
 FLAGS_valgrind = -O1 -g
 B      := build$(if $(filter-out release,$(config)),/$(config))

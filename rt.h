@@ -370,7 +370,7 @@ typedef struct {
     uint64_t pushes, drops;                 /* stack entries pushed, and lost from a full short stack */
     uint64_t steps, active;                 /* packet node visits, and live rays summed over them: active / steps a visit */
     uint64_t frusta, culled;                /* boxes and triangles tested against the frustum of a large packet, and those thrown out */
-    uint64_t boxes_at[RT_DEPTHS], prims_at[RT_DEPTHS];      /* large packets: boxes and prims by the depth of their node in its tree */
+    uint64_t boxes_at[RT_DEPTHS], prims_at[RT_DEPTHS];      /* large packets, but of RT_BVH_WIDE: boxes and prims by the depth of their node */
 } rt_stats;
 #endif
 
@@ -8942,6 +8942,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_beam_edges RTI_NAME_(rti_beam_edges)
 #define rti_beam_crosses RTI_NAME_(rti_beam_crosses)
 #define rti_beam_others RTI_NAME_(rti_beam_others)
+#define rti_count_list RTI_NAME_(rti_count_list)
 #define rti_make_beam RTI_NAME_(rti_make_beam)
 #define rti_beam_meets RTI_NAME_(rti_beam_meets)
 #define rti_beam_reaches RTI_NAME_(rti_beam_reaches)
@@ -11126,8 +11127,10 @@ RTI_FN bool rti_prepare_shared(const rt_accel *accel, rti_large *g)
         rti_packet *p = &g->rays[i];
         const rti_v dir[3] = { rti_vload(p->dir[0]), rti_vload(p->dir[1]), rti_vload(p->dir[2]) };
         rti_v bound;
-        const unsigned legal = rti_orient(p, dir, RTI_ALL_LANES, &most);
-        if ((legal & rti_vle(most, rti_vset(RT_MAX_DIRECTION))) != RTI_ALL_LANES) return false;
+        unsigned legal = rti_orient(p, dir, RTI_ALL_LANES, &most);
+        RTI_UNROLL
+        for (k = 0; k < 3; k++) legal &= rti_vle(rti_vabs(dir[k]), rti_vset(RT_MAX_DIRECTION));   /* each: most may overlook what is no number */
+        if (legal != RTI_ALL_LANES) return false;
         longest = rti_vmax(most, longest);
         shortest = rti_vmin(most, shortest);
         bound = rti_least(reach, far_org, most);
@@ -11651,7 +11654,8 @@ RTI_LARGE_WALK(rti_walk_partition_count, RT_BVH_PARTITION, RTI_WALK_COUNT)
 /* RT_BVH_WIDE in large packets: rays through one point, the apex of their frustum, where they start or where they end. Seen from there a box,
    or a triangle, is a rectangle of slopes u / k and v / k from some s on, and a SIMD ray a smaller rectangle up to the s that it still has to
    look at. So 8 children are compared with all rays at once, and each that is left with 8 SIMD rays at once: no ray is tested against a
-   box. Rectangles are moved out by twice the frustum's pad: what a quotient rounds is less than once.
+   box. Rectangles are moved out by twice the frustum's pad: what a quotient rounds is less than once, and that of what is nearer than 1e-30, in scenes of
+   which no pad is as small.
 
    Nor is a triangle that is surely hit, and surely nearer than what was hit before, tested at once: it waits until something comes near enough
    to cast doubt, or until all is seen. So most rays pay for the test that decides once, and with RT_ANY hardly ever. */
@@ -11884,6 +11888,14 @@ RTI_NOINLINE RTI_TARGET void rti_beam_settle(const rt_accel *accel, rti_large *g
     }
 }
 
+/* Rays of list that need hits. */
+RTI_FN uint64_t rti_count_list(const rti_large *g, uint64_t list)
+{
+    uint64_t n = 0;
+    for (; list; list &= list - 1) n += (uint64_t)rti_bit_count(g->rays[rti_lowest_of(list)].live);
+    return n;
+}
+
 /* The triangles of an octet: their rectangles tell which SIMD rays are asked, edges which lanes of them may hit. id: of the first, see waits. */
 RTI_NOINLINE RTI_TARGET void rti_beam_octet(const rt_accel *accel, rti_large *g, rti_beam *b, const rti_octet *octet, uint32_t count, uint32_t id,
                                             uint64_t list, uint32_t inst, const rti_job *job)
@@ -12073,15 +12085,13 @@ RTI_FN void rti_beam_body(const rt_accel *accel, rti_large *g, uint32_t inst, co
             }
 #if RTI_STATS
             if (flags & RTI_WALK_COUNT) {
-                uint64_t rest = list;
+                const uint64_t rays = rti_count_list(g, list);
                 job->stats->steps++;
+                job->stats->nodes += rays;
+                job->stats->active += rays;
+                job->stats->boxes += rays * (uint64_t)rti_bit_count(hit);
                 job->stats->frusta += RTI_CHILDREN;
                 job->stats->culled += (uint64_t)(RTI_CHILDREN - rti_bit_count(hit));
-                for (; rest; rest &= rest - 1) {
-                    const int rays = rti_bit_count(g->rays[rti_lowest_of(rest)].live);
-                    job->stats->nodes += (uint64_t)rays;
-                    job->stats->active += (uint64_t)rays;
-                }
             }
 #endif
             for (; hit; hit &= hit - 1) {
@@ -12101,6 +12111,14 @@ RTI_FN void rti_beam_body(const rt_accel *accel, rti_large *g, uint32_t inst, co
         }
         {
             const uint32_t kind = count >> RTI_KIND_SHIFT, n = count & RTI_COUNT_MASK;
+#if RTI_STATS
+            if (flags & RTI_WALK_COUNT) {
+                const uint64_t rays = rti_count_list(g, list);
+                job->stats->steps++;
+                job->stats->leaves += rays;
+                job->stats->active += rays;
+            }
+#endif
             if (kind == RTI_TRIANGLE) {
                 rti_octet gathered;
                 const rti_octet *octet = accel->octets + index;
@@ -12185,7 +12203,7 @@ RTI_NOINLINE RTI_TARGET void rti_large_walk(const rt_accel *accel, rti_large *g,
 #endif
     if (!accel->node_count) return;
     rti_make_frustum(accel, g, job->cull);
-    if (job->wide && accel->wides && g->cull && g->frustum.sway >= 0 && g->count <= RTI_BEAM) {
+    if (job->wide && accel->wides && g->cull && g->frustum.sway >= 0 && g->frustum.reach >= 1e-20f && g->count <= RTI_BEAM) {
         rti_walk_beam(accel, g, inst, job);
         return;
     }
@@ -13202,6 +13220,7 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec
 #undef rti_view
 #undef rti_set_window
 #undef rti_make_beam
+#undef rti_count_list
 #undef rti_beam_others
 #undef rti_beam_crosses
 #undef rti_beam_edges

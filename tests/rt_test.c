@@ -3728,8 +3728,9 @@ static void rtt_test_stats(void)
             rt_trace_options options = rtt_ways[w].options;
             const rt_accel *accel = rtt_accels_for(&accels, &rtt_ways[w]);
             bool boxed = accel == accels.of[RT_BVH], ranged = options.algorithm == RT_BVH_RANGED;
-            bool chosen = options.algorithm == RT_AUTO && !options.packet_width && options.query == RT_CLOSEST && boxed;   /* Ranged */
-            bool large = ranged || options.algorithm == RT_BVH_MASKED || options.algorithm == RT_BVH_PARTITION || chosen;
+            bool chosen = options.algorithm == RT_AUTO && !options.packet_width && options.query == RT_CLOSEST && boxed;   /* beams */
+            bool beams = chosen || (options.algorithm == RT_BVH_WIDE && options.packet_width > 1);
+            bool large = ranged || options.algorithm == RT_BVH_MASKED || options.algorithm == RT_BVH_PARTITION;
             uint64_t boxes = 0, prims = 0;
             rt_stats once, twice;
 
@@ -3737,7 +3738,7 @@ static void rtt_test_stats(void)
             options.stats = &once;
             CHECK_STATUS(rt_trace(accel, &options, rays.ray, rays.count, hits), RT_OK);
             rtt_compare("with stats", rtt_ways[w].label, &rays, hits, want, options.query == RT_ANY, true);
-            if (once.rays != legal || once.prims < hit || once.nodes < hit || once.leaves < hit || (boxed && !ranged && !chosen && once.boxes < once.nodes)
+            if (once.rays != legal || once.prims < hit || once.nodes < hit || once.leaves < hit || (boxed && !ranged && !beams && once.boxes < once.nodes)
                 || (boxed && once.prims > legal * 2101) || once.active < once.steps || (boxed && (once.restarts || once.drops)))
                 rtt_fail("%s: rays %llu nodes %llu boxes %llu prims %llu steps %llu active %llu", rtt_ways[w].label,
                          (unsigned long long)once.rays, (unsigned long long)once.nodes, (unsigned long long)once.boxes,
@@ -3747,7 +3748,7 @@ static void rtt_test_stats(void)
                 prims += once.prims_at[depth];
             }
             CHECK(boxes == (large ? once.boxes : 0) && prims == (large ? once.prims : 0));
-            CHECK(options.cull == RT_CULL_NONE && !chosen ? once.frusta == 0 : once.culled > 0 && once.culled < once.frusta);
+            CHECK(options.cull == RT_CULL_NONE && !beams ? once.frusta == 0 : once.culled > 0 && once.culled < once.frusta);
             twice = once;                   /* a second call adds the same again */
             options.stats = &twice;
             CHECK_STATUS(rt_trace(accel, &options, rays.ray, rays.count, hits), RT_OK);
