@@ -663,8 +663,8 @@ typedef struct { uint64_t primary, shadow, reflect, refract; } rt_ray_counts;
    that start and end at multiples of 32 pixels are the fastest. A ray whose part of its pixel is below 1/512 in every channel is left out.
    So a sample has at most 1536 rays a level, whatever the materials, and some hundreds in all behind surfaces that reflect one half and
    transmit the other. Errors as rt_trace; RT_ERROR_ARGUMENT where opt->raster is of another camera, size or number of primitives. Eye rays
-   that are rasterised are counted in rays, not in opt->trace.stats. No allocation. Stack: 158 KiB for blocks of 16 x 16 pixels, 600 KiB
-   for those of 32 x 32 that an opt->trace.packet_width above 16 asks for; 6 KiB more with raster, 44 KiB more a level of instances. */
+   that are rasterised are counted in rays, not in opt->trace.stats. No allocation. Stack: 176 KiB for blocks of 16 x 16 pixels, 620 KiB
+   for those of 32 x 32 that an opt->trace.packet_width above 16 asks for; 6 KiB more with raster, 60 KiB more a level of instances. */
 RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *opt, int x0, int y0, int x1, int y1, rt_vec3 *pixels,
                                 rt_ray_counts *rays);
 
@@ -3172,6 +3172,30 @@ out:
 
 /* ---- >>collapse ----------------------------------------------------------------------------------------------------- */
 
+/* The children of a wide node: of those of the binary tree the one with the largest surface gives way to its own two, until there are 8 or
+   all are leaves; those that sizes, see rti_size_leaves, has a number for are. sizes NULL: those of the binary tree. */
+RTI_INLINE int rti_open_children(const rt_accel *accel, const uint8_t *sizes, uint32_t root, uint32_t children[RTI_CHILDREN])
+{
+    double areas[RTI_CHILDREN];
+    int n = 1, i;
+    children[0] = root;
+    areas[0] = accel->nodes[root].count || (sizes && sizes[root]) ? -1 : 0;
+    for (;;) {
+        int best = 0, side;
+        for (i = 1; i < n; i++)
+            if (areas[i] > areas[best]) best = i;
+        if (areas[best] < 0 || n == RTI_CHILDREN) return n;
+        children[n] = accel->nodes[children[best]].index + 1;
+        children[best] = accel->nodes[children[best]].index;
+        for (side = 0; side < 2; side++) {
+            const int at = side ? n : best;
+            const bool leaf = accel->nodes[children[at]].count || (sizes && sizes[children[at]]);
+            areas[at] = leaf ? -1 : rti_node_area(&accel->nodes[children[at]]);
+        }
+        n++;
+    }
+}
+
 #if RTI_PACKETS
 /* The tree of RT_BVH_WIDE ([Dammertz]): nodes of the binary one with up to 8 children, those of the largest surface being opened first, and leaves of as
    many triangles as one octet holds, since an octet is tested at once however full it is. */
@@ -3187,29 +3211,6 @@ static void rti_size_leaves(const rt_accel *accel, uint8_t *sizes)
             const int a = sizes[node->index], b = sizes[node->index + 1];
             sizes[i] = a && b && a + b <= RTI_CHILDREN ? (uint8_t)(a + b) : 0;
         }
-    }
-}
-
-/* The children of a wide node: of those of the binary tree the one with the largest surface gives way to its own two, until there are 8 or
-   all are leaves. */
-static int rti_open_children(const rt_accel *accel, const uint8_t *sizes, uint32_t root, uint32_t children[RTI_CHILDREN])
-{
-    double areas[RTI_CHILDREN];
-    int n = 1, i;
-    children[0] = root;
-    areas[0] = accel->nodes[root].count || sizes[root] ? -1 : 0;
-    for (;;) {
-        int best = 0, side;
-        for (i = 1; i < n; i++)
-            if (areas[i] > areas[best]) best = i;
-        if (areas[best] < 0 || n == RTI_CHILDREN) return n;
-        children[n] = accel->nodes[children[best]].index + 1;
-        children[best] = accel->nodes[children[best]].index;
-        for (side = 0; side < 2; side++) {
-            const int at = side ? n : best;
-            areas[at] = accel->nodes[children[at]].count || sizes[children[at]] ? -1 : rti_node_area(&accel->nodes[children[at]]);
-        }
-        n++;
     }
 }
 
@@ -3283,7 +3284,7 @@ static rt_status rti_build_wide(rt_accel *accel, const rt_build_options *opt)
     rti_size_leaves(accel, sizes);
     rti_collapse(accel, sizes);
     bytes = accel->wide_count * sizeof(rti_wide) + (opt->reference ? 0 : accel->octet_count * sizeof(rti_octet)) + line;
-    accel->wide_memory = rti_alloc(1, bytes, accel->memory_user);
+    if (accel->wide_count + accel->octet_count <= (SIZE_MAX - line) / sizeof(rti_octet)) accel->wide_memory = rti_alloc(1, bytes, accel->memory_user);
     if (accel->wide_memory) {
         char *at = (char *)accel->wide_memory + (line - (uintptr_t)accel->wide_memory % line) % line;
         accel->wides = (rti_wide *)(void *)at;
@@ -10852,9 +10853,10 @@ RTI_FN unsigned rti_wide_body(const rt_accel *accel, rti_packet *p, int lane, ui
             RTI_TALLY(job->stats, flags, prims, n);
             if (!(flags & RTI_WALK_ALL) || kind == RTI_TRIANGLE) {
                 rti_octet gathered;
-                const rti_octet *octet = accel->octets + index;
-                if (RTI_UNLIKELY(!accel->octets)) rti_gather_octet(accel, index, n, &gathered);
-                hit = rti_hit_octet(p, lane, accel->octets ? octet : &gathered, n, inst, flags);
+                const rti_octet *octet = &gathered;
+                if (accel->octets) octet = accel->octets + index;
+                else rti_gather_octet(accel, index, n, &gathered);
+                hit = rti_hit_octet(p, lane, octet, n, inst, flags);
             }
 #if RTI_SPHERES
             else if (kind == RTI_SPHERE) hit = rti_hit_spheres(accel, p, 1u << lane, NULL, index, n, inst, flags);
@@ -11654,8 +11656,8 @@ RTI_LARGE_WALK(rti_walk_partition_count, RT_BVH_PARTITION, RTI_WALK_COUNT)
 /* RT_BVH_WIDE in large packets: rays through one point, the apex of their frustum, where they start or where they end. Seen from there a box,
    or a triangle, is a rectangle of slopes u / k and v / k from some s on, and a SIMD ray a smaller rectangle up to the s that it still has to
    look at. So 8 children are compared with all rays at once, and each that is left with 8 SIMD rays at once: no ray is tested against a
-   box. Rectangles are moved out by twice the frustum's pad: what a quotient rounds is less than once, and that of what is nearer than 1e-30, in scenes of
-   which no pad is as small.
+   box. Rectangles are moved out by twice the frustum's pad: what a quotient rounds is less than once. Scenes so
+   small that products of three coordinates underflow go without.
 
    Nor is a triangle that is surely hit, and surely nearer than what was hit before, tested at once: it waits until something comes near enough
    to cast doubt, or until all is seen. So most rays pay for the test that decides once, and with RT_ANY hardly ever. */
@@ -11672,7 +11674,7 @@ typedef struct {
     bool waiting;                           /* hits may wait */
     float first[RTI_BEAM][RTI_WIDTH];       /* of each ray: from what s on hits count for sure, */
     float last[2][RTI_BEAM][RTI_WIDTH];     /* up to which s they do, and beyond which they surely do not; */
-    uint32_t waits[RTI_BEAM][RTI_WIDTH];    /* the triangle that waits for its test: 8 times its octet and where in it, or its slot; RT_NONE */
+    union { uint32_t id[RTI_WIDTH]; float bits[RTI_WIDTH]; } waits[RTI_BEAM];   /* the triangle that waits for its test: 8 times its octet and where in it, or its slot; RT_NONE */
 } rti_beam;
 
 /* RTI_WIDTH rectangles, and where they begin. */
@@ -11744,7 +11746,7 @@ RTI_FN void rti_make_beam(rti_large *g, rti_beam *b)
         }
         rti_set_window(g, b, i, RTI_ALL_LANES);
         rti_set_reach_of(g, b, i);
-        rti_vstore((float *)(void *)b->waits[i], rti_vid(RT_NONE));
+        rti_vstore(b->waits[i].bits, rti_vid(RT_NONE));
         if (b->reach[i] > b->farthest) b->farthest = b->reach[i];
     }
 }
@@ -11868,14 +11870,14 @@ RTI_NOINLINE RTI_TARGET void rti_beam_settle(const rt_accel *accel, rti_large *g
     rti_facets t;
     t.corners[0] = t.gathered[0];
     for (; lanes; lanes &= lanes - 1) {
-        const uint32_t id = b->waits[i][lane = rti_lowest_bit(lanes)];
+        const uint32_t id = b->waits[i].id[lane = rti_lowest_bit(lanes)];
         unsigned same = 1u << lane;
         if (id == RT_NONE) continue;
-        b->waits[i][lane] = RT_NONE;
+        b->waits[i].id[lane] = RT_NONE;
         for (k = lane + 1; k < RTI_WIDTH; k++)
-            if (lanes >> k & 1 && b->waits[i][k] == id) {
+            if (lanes >> k & 1 && b->waits[i].id[k] == id) {
                 same |= 1u << k;
-                b->waits[i][k] = RT_NONE;
+                b->waits[i].id[k] = RT_NONE;
             }
         if (accel->octets) {
             const rti_octet *octet = &accel->octets[id / RTI_CHILDREN];
@@ -11985,7 +11987,7 @@ RTI_NOINLINE RTI_TARGET void rti_beam_octet(const rt_accel *accel, rti_large *g,
                     if (sure && !any) {
                         rti_vstore(b->last[0][ray], rti_vselect(sure, low_s, rti_vload(b->last[0][ray])));
                         rti_vstore(b->last[1][ray], rti_vselect(sure, high_s, rti_vload(b->last[1][ray])));
-                        rti_vstore((float *)(void *)b->waits[ray], rti_vselect(sure, name, rti_vload((const float *)(const void *)b->waits[ray])));
+                        rti_vstore(b->waits[ray].bits, rti_vselect(sure, name, rti_vload(b->waits[ray].bits)));
                         b->waiting = true;
                     }
                 }
@@ -12121,9 +12123,10 @@ RTI_FN void rti_beam_body(const rt_accel *accel, rti_large *g, uint32_t inst, co
 #endif
             if (kind == RTI_TRIANGLE) {
                 rti_octet gathered;
-                const rti_octet *octet = accel->octets + index;
-                if (RTI_UNLIKELY(!accel->octets)) rti_gather_octet(accel, index, n, &gathered);
-                rti_beam_octet(accel, g, &beam, accel->octets ? octet : &gathered, n, accel->octets ? RTI_CHILDREN * index : index, list, inst, job);
+                const rti_octet *octet = &gathered;
+                if (accel->octets) octet = accel->octets + index;
+                else rti_gather_octet(accel, index, n, &gathered);
+                rti_beam_octet(accel, g, &beam, octet, n, accel->octets ? RTI_CHILDREN * index : index, list, inst, job);
             }
 #if RTI_SPHERES || RTI_INSTANCES
             else rti_beam_others(accel, g, &beam, kind, index, n, list, inst, job);
@@ -12155,7 +12158,7 @@ RTI_NOINLINE RTI_TARGET void rti_walk_beam(const rt_accel *accel, rti_large *g, 
     rti_beam_body(accel, g, inst, 0, job);
 }
 
-/* Lanes that are not live get the org and dir of one that is, so that what bounds all rays need not leave them out, and no interval. False:
+/* Lanes that are not live get the org, dir and rdir of one that is, so that what bounds all rays need not leave them out, and no interval. False:
    none is live. */
 RTI_FN bool rti_close_lanes(rti_large *g)
 {
@@ -12183,6 +12186,7 @@ RTI_FN bool rti_close_lanes(rti_large *g)
             for (k = 0; k < 3; k++) {
                 p->org[k][j] = model->org[k][lane];
                 p->dir[k][j] = model->dir[k][lane];
+                p->rdir[k][j] = model->rdir[k][lane];
             }
             p->pad[j] = model->pad[lane];
             p->tmin[j] = RTI_INFINITY;
@@ -12203,7 +12207,7 @@ RTI_NOINLINE RTI_TARGET void rti_large_walk(const rt_accel *accel, rti_large *g,
 #endif
     if (!accel->node_count) return;
     rti_make_frustum(accel, g, job->cull);
-    if (job->wide && accel->wides && g->cull && g->frustum.sway >= 0 && g->frustum.reach >= 1e-20f && g->count <= RTI_BEAM) {
+    if (job->wide && accel->wides && g->cull && g->frustum.sway >= 0 && g->frustum.reach >= 1e-8f && g->count <= RTI_BEAM) {
         rti_walk_beam(accel, g, inst, job);
         return;
     }

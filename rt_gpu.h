@@ -848,30 +848,6 @@ static bool rti_gpu_collect(rti_gpu_upload *u, const rt_accel *root)
 
 /* ---- wide nodes */
 
-/* The children of a wide node: of the binary tree's, the inner one with the largest surface gives way to its own two until there are 8. */
-static int rti_gpu_open_children(const rt_accel *accel, uint32_t root, uint32_t children[8])
-{
-    const rti_node *nodes = accel->nodes;
-    int n = 1, i;
-    children[0] = root;
-    while (n < 8) {
-        double most = -1;
-        int best = -1;
-        for (i = 0; i < n; i++) {
-            const rti_node *node = &nodes[children[i]];
-            const double area = node->count ? -1 : rti_node_area(node);
-            if (area > most) {
-                most = area;
-                best = i;
-            }
-        }
-        if (best < 0) break;
-        children[n++] = nodes[children[best]].index + 1;
-        children[best] = nodes[children[best]].index;
-    }
-    return n;
-}
-
 /* Planes that a device finds at origin + step * q, never inside of [lo, hi]; false: the step is too small. */
 static bool rti_gpu_quantize(float origin, float step, float lo, float hi, uint8_t *lower, uint8_t *upper)
 {
@@ -927,7 +903,7 @@ static bool rti_widen(rt_gpu *gpu, const rt_accel *accel, void *to, size_t *coun
     queue[0].node = queue[0].depth = 0;
     for (done = 0; done < n; done++) {
         uint32_t children[8];
-        const int number = rti_gpu_open_children(accel, queue[done].node, children);
+        const int number = rti_open_children(accel, NULL, queue[done].node, children);
         rti_wide wide;
         int i, k;
         if (queue[done].depth > *depth) *depth = queue[done].depth;

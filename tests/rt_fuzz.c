@@ -235,6 +235,7 @@ static rt_build_options take_options(bytes *in)
     options.throw_back = flags & 64 ? 1e-6f : 0;
     options.reference = flags & 1;
     options.no_backtrack = flags & 2;
+    options.no_wide = flags & 128;
     options.traversal_cost = costs[take(in) & 3];
     options.empty_bonus = bonuses[take(in) & 3];
     options.max_duplication = duplications[take(in) & 3];
@@ -254,6 +255,7 @@ static void trace_all(const rt_accel *accel, const rt_accel *plain, const rt_bui
             const size_t tries = RT_ISA_COUNT * (info->algorithm == RT_KD_SHORTSTACK || info->culls ? sizeof entries / sizeof *entries : 1);
             if (!info->built || (info->structure != built->structure && info->structure != RT_STRUCTURE_COUNT)) continue;
             if (info->algorithm == RT_KD_BACKTRACK && built->no_backtrack) continue;
+            if (info->algorithm == RT_BVH_WIDE && built->no_wide) continue;
             for (size_t w = rt_packet_widths(info->algorithm, widths, 16); w-- > 0;)
                 for (size_t i = 0; i < tries; i++) {
                     const int isa = (int)(i % RT_ISA_COUNT);

@@ -4664,6 +4664,88 @@ static void rtt_test_packets(void)
         }
 }
 
+/* Beams against single rays: many small scenes, where rays from or to one point pass along edges and vertices, near each other and not. */
+static void rtt_test_beams(void)
+{
+    static const int widths[] = { 4, 8, 16, 0 };
+    rtt_random random = rtt_stream();
+
+    for (int round = 0; round < 600 / RTT_SCALE; round++) {
+        const float scale = round % 2 ? 1 : rtt_f(powf(10, rtt_f(rtt_f(14 * rtt_signed(&random)) * (round % 8 == 4 ? 1 : 0.5f))));
+        const float away = round % 4 < 2 ? 0 : rtt_f(rtt_f(scale * powf(10, rtt_f(2.5f + 2.5f * rtt_signed(&random)))) * rtt_signed(&random));
+        const rt_vec3 middle = rtt_v(away, away, away), view = rtt_point(&random, rtt_origin, 1);
+        const float spread = powf(10, rtt_f(2 * rtt_signed(&random) - 2)), tmin = round % 3 ? 0 : 0.1f, tmax = round % 5 ? INFINITY : 2;
+        const bool to_point = round % 3 == 1;
+        const int side = 16, count = side * side * (1 + round % 3);
+        rtt_model model = { 0 };
+        rtt_rays rays = { 0 };
+        rt_build_options options;
+        rt_trace_options way;
+        rt_geometry geometry;
+        rt_accel *accel;
+        rt_hit *want, *got;
+        rt_vec3 point;
+
+        rtt_cloud(&model, &random, 1 + rtt_below(&random, 1u << rtt_below(&random, 10)), middle, scale, rtt_f(scale * (round % 7 ? 0.1f : 1)));
+        if (round % 4 == 3)
+            rtt_balls(&model, &random, 10, middle, scale, rtt_f(0.2f * scale));
+        for (int i = 0; i < 20 && round % 3 == 0; i++) {        /* on top of each other, and steps of the grid */
+            const rt_vec3 corner = rtt_add(middle, rtt_mul(rtt_lattice(&random, 4), rtt_f(0.25f * scale)));
+
+            rtt_quad(&model, corner, rtt_v(0, scale, 0), rtt_v(0, 0, scale));
+            rtt_quad(&model, corner, rtt_v(scale, 0, 0), rtt_v(0, scale, 0));
+        }
+        point = round % 5 == 2 ? rtt_feature(&model, &random) : rtt_point(&random, middle, rtt_f((round % 2 ? 3 : 1) * scale));
+        for (int i = 0; i < count; i++) {
+            const float x = rtt_f((float)(i % side - side / 2) * spread / (float)side), y = rtt_f((float)(i / side - side / 2) * spread / (float)side);
+            const rt_vec3 target = round % 4 == 1 ? rtt_feature(&model, &random)
+                                 : rtt_add(point, rtt_mul(rtt_v(rtt_f(view.x + x), rtt_f(view.y + y), rtt_f(view.z + x - y)), scale));
+
+            if (to_point)
+                rtt_segment(&rays, target, rtt_sub(point, target), i % 2 ? 1e-4f : 0, i % 3 ? 1 : 1 - 1e-4f);
+            else
+                rtt_segment(&rays, point, rtt_sub(target, point), tmin, tmax);
+        }
+        if (round % 10 == 0)
+            rays.ray[rtt_below(&random, (uint32_t)rays.count)].dir.x = NAN;
+        if (round % 10 == 5)                /* no direction at all, which must not spoil its neighbours */
+            rays.ray[rtt_below(&random, (uint32_t)rays.count)].dir = rtt_v(0, 0, 0);
+        rays.count -= round % 6 ? 0 : 37;
+        geometry = rtt_geometry(&model);
+        memset(&options, 0, sizeof options);
+        options.reference = round % 4 == 2;
+        options.quality = (rt_quality)(round % 3);
+        want = (rt_hit *)rtt_array(rays.count, sizeof *want);
+        got = (rt_hit *)rtt_array(rays.count, sizeof *got);
+        if (CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK)) {
+            for (int query = RT_CLOSEST; query <= RT_ANY; query++) {
+                memset(&way, 0, sizeof way);
+                way.algorithm = RT_BVH_STACK;
+                way.query = (rt_query)query;
+                CHECK_STATUS(rt_trace(accel, &way, rays.ray, rays.count, want), RT_OK);
+                for (size_t w = 0; w < RTT_COUNT(widths); w++)
+                    for (int isa = RT_ISA_AUTO; isa <= (int)rt_best_isa(); isa++) {
+                        char what[64];
+
+                        way.algorithm = widths[w] ? RT_BVH_WIDE : RT_AUTO;
+                        way.packet_width = widths[w];
+                        way.isa = (rt_isa)isa;
+                        snprintf(what, sizeof what, "round %d, width %d, isa %d", round, widths[w], isa);
+                        if (rt_trace(accel, &way, rays.ray, rays.count, got) == RT_OK)
+                            rtt_compare(what, rt_algorithm_get((size_t)way.algorithm)->name, &rays, got, want, query == RT_ANY, true);
+                        else
+                            CHECK(isa == RT_ISA_SCALAR || !rt_algorithm_get(RT_BVH_WIDE)->built);
+                    }
+            }
+            rt_free(accel);
+        }
+        free(want);
+        free(got);
+        rtt_rays_free(&rays);
+        rtt_model_free(&model);
+    }
+}
+
 /* ---- >>threads -------------------------------------------------------------------------------------------------------- */
 
 typedef struct { const rtt_accels *accels; const rtt_rays *rays; const rt_hit *want; size_t first, wrong; } rtt_tracer;
@@ -10616,6 +10698,7 @@ static const rtt_test rtt_tests[] = {
     { "rays.arrays", rtt_test_arrays },
     { "rays.arrays.errors", rtt_test_arrays_errors },
     { "packets", rtt_test_packets },
+    { "packets.beams", rtt_test_beams },
     { "watertight.shapes", rtt_test_watertight },
     { "watertight.grid", rtt_test_watertight_grid },
     { "watertight.many", rtt_test_watertight_many },
