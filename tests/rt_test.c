@@ -4664,10 +4664,59 @@ static void rtt_test_packets(void)
         }
 }
 
+/* Beams, and what auto makes of such rays, against single rays. */
+static void rtt_compare_beams(const char *name, const rt_accel *accel, const rtt_rays *rays)
+{
+    static const int widths[] = { 4, 8, 16, 0 };
+    rt_hit *want = (rt_hit *)rtt_array(rays->count, sizeof *want), *got = (rt_hit *)rtt_array(rays->count, sizeof *got);
+
+    for (int query = RT_CLOSEST; query <= RT_ANY; query++) {
+        rt_trace_options way;
+
+        memset(&way, 0, sizeof way);
+        way.algorithm = RT_BVH_STACK;
+        way.query = (rt_query)query;
+        CHECK_STATUS(rt_trace(accel, &way, rays->ray, rays->count, want), RT_OK);
+        for (size_t w = 0; w < RTT_COUNT(widths); w++)
+            for (int isa = RT_ISA_AUTO; isa <= (int)rt_best_isa(); isa++) {
+                char what[80];
+
+                way.algorithm = widths[w] ? RT_BVH_WIDE : RT_AUTO;
+                way.packet_width = widths[w];
+                way.isa = (rt_isa)isa;
+                snprintf(what, sizeof what, "%s, width %d, isa %d", name, widths[w], isa);
+                if (rt_trace(accel, &way, rays->ray, rays->count, got) == RT_OK)
+                    rtt_compare(what, rt_algorithm_get((size_t)way.algorithm)->name, rays, got, want, query == RT_ANY, true);
+                else
+                    CHECK(isa == RT_ISA_SCALAR || !rt_algorithm_get(RT_BVH_WIDE)->built);
+            }
+    }
+    free(want);
+    free(got);
+}
+
+/* A ray without a direction among others, in a scene so small that the inverse of nothing is infinite. */
+static void rtt_test_beams_dead(void)
+{
+    rtt_model model = { 0 };
+    rtt_rays rays = { 0 };
+    rt_geometry geometry;
+    rt_accel *accel;
+
+    rtt_face(&model, rtt_v(-0.005f, -0.005f, 0.01f), rtt_v(0.02f, -0.005f, 0.01f), rtt_v(-0.005f, 0.02f, 0.01f));
+    for (int i = 0; i < 256; i++)
+        rtt_segment(&rays, rtt_origin, i == 7 ? rtt_origin : rtt_v((float)(i % 16) * 0.02f, (float)(i / 16) * 0.02f, 1), 0, INFINITY);
+    geometry = rtt_geometry(&model);
+    if (CHECK_STATUS(rt_build(&accel, &geometry, NULL), RT_OK))
+        rtt_compare_beams("dead ray", accel, &rays);
+    rt_free(accel);
+    rtt_rays_free(&rays);
+    rtt_model_free(&model);
+}
+
 /* Beams against single rays: many small scenes, where rays from or to one point pass along edges and vertices, near each other and not. */
 static void rtt_test_beams(void)
 {
-    static const int widths[] = { 4, 8, 16, 0 };
     rtt_random random = rtt_stream();
 
     for (int round = 0; round < 600 / RTT_SCALE; round++) {
@@ -4680,11 +4729,10 @@ static void rtt_test_beams(void)
         rtt_model model = { 0 };
         rtt_rays rays = { 0 };
         rt_build_options options;
-        rt_trace_options way;
         rt_geometry geometry;
         rt_accel *accel;
-        rt_hit *want, *got;
         rt_vec3 point;
+        char what[32];
 
         rtt_cloud(&model, &random, 1 + rtt_below(&random, 1u << rtt_below(&random, 10)), middle, scale, rtt_f(scale * (round % 7 ? 0.1f : 1)));
         if (round % 4 == 3)
@@ -4715,32 +4763,10 @@ static void rtt_test_beams(void)
         memset(&options, 0, sizeof options);
         options.reference = round % 4 == 2;
         options.quality = (rt_quality)(round % 3);
-        want = (rt_hit *)rtt_array(rays.count, sizeof *want);
-        got = (rt_hit *)rtt_array(rays.count, sizeof *got);
-        if (CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK)) {
-            for (int query = RT_CLOSEST; query <= RT_ANY; query++) {
-                memset(&way, 0, sizeof way);
-                way.algorithm = RT_BVH_STACK;
-                way.query = (rt_query)query;
-                CHECK_STATUS(rt_trace(accel, &way, rays.ray, rays.count, want), RT_OK);
-                for (size_t w = 0; w < RTT_COUNT(widths); w++)
-                    for (int isa = RT_ISA_AUTO; isa <= (int)rt_best_isa(); isa++) {
-                        char what[64];
-
-                        way.algorithm = widths[w] ? RT_BVH_WIDE : RT_AUTO;
-                        way.packet_width = widths[w];
-                        way.isa = (rt_isa)isa;
-                        snprintf(what, sizeof what, "round %d, width %d, isa %d", round, widths[w], isa);
-                        if (rt_trace(accel, &way, rays.ray, rays.count, got) == RT_OK)
-                            rtt_compare(what, rt_algorithm_get((size_t)way.algorithm)->name, &rays, got, want, query == RT_ANY, true);
-                        else
-                            CHECK(isa == RT_ISA_SCALAR || !rt_algorithm_get(RT_BVH_WIDE)->built);
-                    }
-            }
-            rt_free(accel);
-        }
-        free(want);
-        free(got);
+        snprintf(what, sizeof what, "round %d", round);
+        if (CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK))
+            rtt_compare_beams(what, accel, &rays);
+        rt_free(accel);
         rtt_rays_free(&rays);
         rtt_model_free(&model);
     }
@@ -10699,6 +10725,7 @@ static const rtt_test rtt_tests[] = {
     { "rays.arrays.errors", rtt_test_arrays_errors },
     { "packets", rtt_test_packets },
     { "packets.beams", rtt_test_beams },
+    { "packets.dead", rtt_test_beams_dead },
     { "watertight.shapes", rtt_test_watertight },
     { "watertight.grid", rtt_test_watertight_grid },
     { "watertight.many", rtt_test_watertight_many },
