@@ -28,7 +28,8 @@
        implementation  >>platform >>memory    >>math     >>layout    >>instance >>validate >>refs    >>bins    >>bvh
                        >>collapse >>kdtree   >>slots     >>threaded >>build-any >>refit    >>info      >>ray      >>frustum  >>tiles    >>surfaces
                        >>passes   >>algorithms >>public  >>leaving >>sampling >>camera   >>raster   >>texture  >>shading  >>render
-       one pass a SIMD width (this file includes itself)  >>wide  >>boxes  >>primitives  >>traverse  >>single  >>large  >>batch  >>cover    >>shade
+       one pass a SIMD width (this file includes itself)  >>wide   >>boxes    >>primitives  >>traverse  >>single  >>walk     >>large    >>beams
+                       >>batch    >>cover    >>shade
        license         >>license
 
    CONVENTIONS
@@ -55,17 +56,17 @@
 
    MEMORY
 
-     An accel takes 40 bytes a triangle (4 with opt->reference), 20 bytes a sphere (4), 168 bytes an instance, and its tree:
-     RT_THREADED 32 bytes a node (0.7 to 1.5 n of them) and 8 for each of opt->orders, and 4 an instance; RT_BVH 32 bytes a node (at
-     most 2 n - 1 nodes, about n on meshes), and unless opt->no_wide about 70 a triangle for RT_BVH_WIDE; RT_KDTREE 8 bytes a node (2 to 3 n on meshes), 14 more unless opt->no_backtrack, and 4
-     bytes for each time that a leaf with several primitives names one (at most opt->max_duplication a primitive). While building,
-     RT_BVH and RT_THREADED take 118 bytes a primitive more, 64 of them for nodes; RT_KDTREE 32 bytes a reference, twice at the top
-     of the tree, and a lane of 1 MiB (208 KiB times opt->max_duplication), or 16 with a parallel_for. All is released before rt_build
-     returns; rt_get_info tells what an accel holds. Stack: 2 KiB for a single ray, 7 KiB by wide nodes, 9 KiB for a packet of 4 or 8, and as
-     much again for each level of instances; large packets 46 KiB up to 16 x 16 rays, 166 KiB with 32 x 32, and 44 KiB for each level of
-     instances, each time 24 KiB more by wide nodes. Of
-     a packet of 16 x 16, tests of boxes and edges read 8 KiB and all tests together 20 KiB: that stays in a first-level cache of 32
-     KiB. Of one of 32 x 32 only the former do, with 33 KiB, in one of 48.
+     An accel takes 40 bytes a triangle (4 with opt->reference), 20 bytes a sphere (4), 168 bytes an instance, and its tree: RT_THREADED 32
+     bytes a node (0.7 to 1.5 n of them) and 8 for each of opt->orders, and 4 an instance; RT_BVH 32 bytes a node (at most 2 n - 1 nodes,
+     about n on meshes), and unless opt->no_wide about 70 a triangle for RT_BVH_WIDE; RT_KDTREE 8 bytes a node (2 to 3 n on meshes), 14 more
+     unless opt->no_backtrack, and 4 bytes for each time that a leaf with several primitives names one (at most opt->max_duplication a
+     primitive). While building, RT_BVH and RT_THREADED take 118 bytes a primitive more, 64 of them for nodes; RT_KDTREE 32 bytes a
+     reference, twice at the top of the tree, and a lane of 1 MiB (208 KiB times opt->max_duplication), or 16 with a parallel_for. All is
+     released before rt_build returns; rt_get_info tells what an accel holds. Stack: 2 KiB for a single ray, 7 KiB by wide nodes, 9 KiB for
+     a packet of 4 or 8, and as much again for each level of instances; large packets 46 KiB up to 16 x 16 rays, 166 KiB with 32 x 32, and
+     44 KiB for each level of instances, each time 24 KiB more by wide nodes. Of a packet of 16 x 16, tests of boxes and edges read 8 KiB
+     and all tests together 20 KiB: that stays in a first-level cache of 32 KiB. Of one of 32 x 32 only the former do, with 33 KiB, in one
+     of 48.
 
    MACROS, each defined before the include
 
@@ -76,7 +77,7 @@
        RT_SELF              the name this file includes itself by; default "rt.h"
        RT_NO_SIMD           plain C only: 4-wide packets in scalar code; same hits, slower
        RT_NO_KDTREE         leave out RT_KDTREE and its algorithms
-       RT_NO_PACKETS        leave out every form with packets
+       RT_NO_PACKETS        leave out every form with packets, and RT_BVH_WIDE, which needs the same SIMD
        RT_NO_THREADED       leave out RT_THREADED and its algorithms
        RT_NO_SPHERES, RT_NO_INSTANCES, RT_NO_PLANES   leave these primitives out of rt_geometry and of the code
        RT_NO_STATS          leave out rt_stats
@@ -5763,8 +5764,9 @@ static rt_status rti_no_width(const rt_trace_options *opt, const int *widths, si
                     rti_algorithms[opt->algorithm].name, list, opt->packet_width);
 }
 
-/* Resolves and checks everything of opt once: the batch function and its job, or an error. RT_AUTO takes the widest packets, which measure
-   faster than single rays even on diffuse bounces, and single rays where there are too few for a packet. */
+/* Resolves and checks everything of opt once: the batch function and its job, or an error. RT_AUTO tries on a BVH, see rti_batch_auto; elsewhere,
+   and for a few rays, it takes the widest packets, which measure faster than single rays even on diffuse bounces there, and single rays where
+   there are too few for a packet. */
 static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, size_t count, rti_batch_function *batch, rti_job *job)
 {
     static const char *const isas[] = { RT_ISA_LIST(RTI_NAME) };
