@@ -28,7 +28,7 @@
        implementation  >>platform >>memory    >>math     >>layout    >>instance >>validate >>refs    >>bins    >>bvh
                        >>collapse >>kdtree   >>slots     >>threaded >>build-any >>refit    >>info      >>ray      >>frustum  >>tiles    >>surfaces
                        >>passes   >>algorithms >>public  >>leaving >>sampling >>camera   >>raster   >>texture  >>shading  >>render
-       one pass a SIMD width (this file includes itself)  >>wide   >>boxes    >>primitives  >>traverse  >>single  >>walk     >>large    >>beams
+       one pass a SIMD width (this file includes itself)  >>wide   >>boxes    >>primitives  >>traverse  >>single  >>walk     >>large    >>crowds
                        >>batch    >>cover    >>shade
        license         >>license
 
@@ -318,7 +318,7 @@ RT_API bool rt_instance_transform_at(const rt_accel *accel, uint32_t inst, float
     X(RT_KD_SHORTSTACK,     "kd.shortstack",     RT_KDTREE,   "bounded stack over push-down (Horn A.4)")             \
     X(RT_KD_BACKTRACK,      "kd.backtrack",      RT_KDTREE,   "parent links and node boxes (Foley & Sugerman)")      \
     X(RT_BVH_STACK,         "bvh.stack",         RT_BVH,      "single ray, scalar, binary tree")                     \
-    X(RT_BVH_WIDE,          "bvh.wide",          RT_BVH,      "single rays, or large packets of one origin or end, against 8 children at once") \
+    X(RT_BVH_WIDE,          "bvh.wide",          RT_BVH,      "single rays, or packets that stay together while it pays, against 8 children at once") \
     X(RT_BVH_SIMD,          "bvh.simd",          RT_BVH,      "4 (2x2) or 8 rays in SIMD lanes (Overbeck 2.1)")      \
     X(RT_BVH_MASKED,        "bvh.masked",        RT_BVH,      "large packets, masked (Overbeck 3.1)")                \
     X(RT_BVH_RANGED,        "bvh.ranged",        RT_BVH,      "large packets, first active ray (Overbeck 3.2)")      \
@@ -5144,8 +5144,8 @@ typedef struct { uint64_t unused; } rt_stats;
 #define RTI_COUNTS(job) false
 #endif
 
-/* What RT_AUTO learns, see rti_batch_auto: ticks of a ray, by each way to trace a BVH; 0: not tried. */
-enum { RTI_BY_BEAM, RTI_BY_SIMD, RTI_BY_RANGED, RTI_BY_WIDE, RTI_WAYS };
+/* What RT_AUTO learns where there are no wide nodes, see rti_batch_auto: ticks of a ray, by each way to trace a BVH; 0: not tried. */
+enum { RTI_BY_RANGED, RTI_BY_SIMD, RTI_WAYS };
 typedef struct {
     float cost[RTI_WAYS];
     int next;                               /* the way that is tried next, */
@@ -5162,7 +5162,7 @@ typedef struct {
     int side;                               /* rays a side, */
     rt_cull cull;                           /* and by what they are culled */
     const float *times;                     /* one a ray, or NULL */
-    bool wide;                              /* single rays walk wide nodes, where an accel has them */
+    bool wide;                              /* RT_BVH_WIDE, where an accel has wide nodes: single rays, or packets with side > 1 */
     rti_tuner *tuner;                       /* of RT_AUTO: what is known of rays like these; NULL: nothing yet */
     const rt_ray_arrays *from;              /* rt_trace_arrays: in the place of rays and hits */
     const rt_hit_arrays *to;
@@ -5198,28 +5198,21 @@ RTI_INLINE uint64_t rti_ticks(void)
 }
 
 /* A trial of what is next has taken ticks a ray. Means at first, which then fade slowly; a trial that something else has interrupted counts
-   little. Where beams are the faster ones by far rays have much in common, and nothing else is tried; nor are single rays where some large
-   packets are. */
-static void rti_learn(rti_tuner *tuner, bool wide, float ticks)
+   little. */
+static void rti_learn(rti_tuner *tuner, float ticks)
 {
-    float *const costs = tuner->cost, *cost = &costs[tuner->next];
+    float *const cost = &tuner->cost[tuner->next];
     const float weight = tuner->trials < 8 ? 1 / (float)(tuner->trials + 1) : 0.125f;
     if (*cost > 0 && ticks > 2 * *cost) ticks = 2 * *cost;
     *cost = *cost > 0 ? *cost + weight * (ticks - *cost) : ticks;
-    tuner->next++;
-    if (tuner->next == RTI_BY_SIMD) return;
-    if (wide && tuner->next == RTI_BY_RANGED && costs[RTI_BY_BEAM] > 0.6f * costs[RTI_BY_SIMD]) return;
-    if (wide && tuner->next == RTI_BY_WIDE && rti_maxf(-costs[RTI_BY_BEAM], -costs[RTI_BY_RANGED]) < -0.8f * costs[RTI_BY_SIMD]) return;
+    if (++tuner->next < RTI_WAYS) return;
     tuner->next = 0;
     tuner->rest = ++tuner->trials < 3 ? RTI_TRIALS / 16 : tuner->trials < 6 ? RTI_TRIALS / 4 : RTI_TRIALS;
 }
 
-RTI_INLINE int rti_fastest_way(const rti_tuner *tuner)
+RTI_INLINE int rti_faster_way(const rti_tuner *tuner)
 {
-    int best = RTI_BY_BEAM, way;
-    for (way = best + 1; way < RTI_WAYS; way++)
-        if (tuner->cost[way] > 0 && tuner->cost[way] < tuner->cost[best]) best = way;
-    return best;
+    return tuner->cost[RTI_BY_SIMD] > 0 && tuner->cost[RTI_BY_SIMD] < tuner->cost[RTI_BY_RANGED] ? RTI_BY_SIMD : RTI_BY_RANGED;
 }
 #endif
 
@@ -5624,11 +5617,11 @@ static rti_batch_function rti_batch_of(rt_algorithm algorithm, int width, rt_isa
     if (isa == RT_ISA_AUTO) isa = rt_best_isa();
 #if RTI_PACKETS
     if (algorithm == RT_BVH_WIDE) {
-        const bool single_rays = width == 1, beams = width == 4 || width == 8 || width == 16;
+        const bool single_rays = width == 1, packets = width == 4 || width == 8 || width == 16;
 #if RTI_X86
-        if (isa == RT_ISA_AVX2) return single_rays ? rti_batch_8 : beams ? rti_batch_large_8 : NULL;
+        if (isa == RT_ISA_AVX2) return single_rays ? rti_batch_8 : packets ? rti_batch_crowds_8 : NULL;
 #endif
-        return single_rays ? rti_batch_4 : beams ? rti_batch_large_4 : NULL;
+        return single_rays ? rti_batch_4 : packets ? rti_batch_crowds_4 : NULL;
     }
 #endif
 #if RTI_X86 && !RTI_MSVC
@@ -5792,6 +5785,7 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
     if (!has_isa)
         return rti_fail(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "isa %s is not built or not on this processor", isas[opt->isa]);
     n = rti_widths(opt->algorithm, opt->isa, widths, 8);
+    wide = opt->algorithm == RT_BVH_WIDE;
     width = opt->packet_width;
     if (!width) {
         if (RTI_LARGE(opt->algorithm)) width = 16;
@@ -5799,9 +5793,12 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
         else if (opt->algorithm == RT_BVH_WIDE) width = 1;
         else if (opt->algorithm != RT_AUTO) width = widths[n - 1];
         else if (count < 4) width = 1;
-        else if (!RTI_PACKETS || accel->structure != RT_BVH || count < RTI_AUTO_RAYS / 4) width = widths[n - 1];    /* else 0: by trying */
+        else if (rti_has_wide(accel)) {
+            wide = true;
+            width = 16;
+        } else if (!RTI_PACKETS || accel->structure != RT_BVH || count < RTI_AUTO_RAYS / 4) width = widths[n - 1];     /* else 0: by trying */
     }
-    wide = opt->algorithm == RT_BVH_WIDE || (opt->algorithm == RT_AUTO && width == 1 && rti_has_wide(accel));
+    wide = wide || (opt->algorithm == RT_AUTO && width == 1 && rti_has_wide(accel));
     *batch = rti_batch_of(wide ? RT_BVH_WIDE : opt->algorithm, width, opt->isa);
     if (!*batch) return rti_no_width(opt, widths, n);
     job->query = opt->query;
@@ -5812,9 +5809,9 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
 #endif
     job->algorithm = info->structure == RT_KDTREE ? opt->algorithm : RT_KD_STACK;
     job->entries = job->algorithm != RT_KD_SHORTSTACK ? 0 : opt->short_stack ? opt->short_stack : 3;
-    job->large = opt->algorithm == RT_BVH_WIDE ? RT_BVH_RANGED : opt->algorithm;
+    job->large = opt->algorithm;
     job->side = width;
-    job->cull = opt->algorithm == RT_BVH_WIDE ? RT_CULL_BOTH : opt->cull;
+    job->cull = opt->cull;
     job->times = opt->times;
     job->wide = wide;
     job->tuner = NULL;
@@ -8872,6 +8869,30 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_walk_wide RTI_NAME_(rti_walk_wide)
 #define rti_probe RTI_NAME_(rti_probe)
 #define rti_make_probe RTI_NAME_(rti_make_probe)
+#define rti_wide_from RTI_NAME_(rti_wide_from)
+#define rti_interval RTI_NAME_(rti_interval)
+#define rti_bound_lanes RTI_NAME_(rti_bound_lanes)
+#define rti_make_interval RTI_NAME_(rti_make_interval)
+#define rti_cross_interval RTI_NAME_(rti_cross_interval)
+#define rti_meet_lanes RTI_NAME_(rti_meet_lanes)
+#define rti_sheaf_octet RTI_NAME_(rti_sheaf_octet)
+#define rti_sheaf_body RTI_NAME_(rti_sheaf_body)
+#define rti_sheaf_closest RTI_NAME_(rti_sheaf_closest)
+#define rti_sheaf_any RTI_NAME_(rti_sheaf_any)
+#define rti_crowd RTI_NAME_(rti_crowd)
+#define rti_make_crowd RTI_NAME_(rti_make_crowd)
+#define rti_crowd_part RTI_NAME_(rti_crowd_part)
+#define rti_crowd_box RTI_NAME_(rti_crowd_box)
+#define rti_crowd_meets RTI_NAME_(rti_crowd_meets)
+#define rti_crowd_note RTI_NAME_(rti_crowd_note)
+#define rti_crowd_octet RTI_NAME_(rti_crowd_octet)
+#define rti_crowd_others RTI_NAME_(rti_crowd_others)
+#define rti_crowd_body RTI_NAME_(rti_crowd_body)
+#define rti_crowd_closest RTI_NAME_(rti_crowd_closest)
+#define rti_crowd_any RTI_NAME_(rti_crowd_any)
+#define rti_walk_crowd RTI_NAME_(rti_walk_crowd)
+#define rti_count_list RTI_NAME_(rti_count_list)
+#define rti_batch_crowds RTI_NAME_(rti_batch_crowds)
 #define rti_probe_children RTI_NAME_(rti_probe_children)
 #define rti_hit_octet RTI_NAME_(rti_hit_octet)
 #define rti_accept_lanes RTI_NAME_(rti_accept_lanes)
@@ -8936,23 +8957,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_batch_parallel RTI_NAME_(rti_batch_parallel)
 #define rti_vfma RTI_NAME_(rti_vfma)
 #define rti_vquad RTI_NAME_(rti_vquad)
-#define rti_beam RTI_NAME_(rti_beam)
-#define rti_views RTI_NAME_(rti_views)
-#define rti_view RTI_NAME_(rti_view)
-#define rti_set_window RTI_NAME_(rti_set_window)
-#define rti_set_reach_of RTI_NAME_(rti_set_reach_of)
-#define rti_beam_settle RTI_NAME_(rti_beam_settle)
-#define rti_beam_edges RTI_NAME_(rti_beam_edges)
-#define rti_beam_crosses RTI_NAME_(rti_beam_crosses)
-#define rti_beam_others RTI_NAME_(rti_beam_others)
-#define rti_count_list RTI_NAME_(rti_count_list)
-#define rti_make_beam RTI_NAME_(rti_make_beam)
-#define rti_beam_meets RTI_NAME_(rti_beam_meets)
-#define rti_beam_reaches RTI_NAME_(rti_beam_reaches)
 #define rti_lowest_of RTI_NAME_(rti_lowest_of)
-#define rti_beam_octet RTI_NAME_(rti_beam_octet)
-#define rti_beam_body RTI_NAME_(rti_beam_body)
-#define rti_walk_beam RTI_NAME_(rti_walk_beam)
 #define rti_vapart RTI_NAME_(rti_vapart)
 #define rti_vleast RTI_NAME_(rti_vleast)
 #define rti_vmost RTI_NAME_(rti_vmost)
@@ -9624,21 +9629,23 @@ RTI_FN unsigned rti_decide(unsigned hit, rti_v ax, rti_v ay, rti_v bx, rti_v by,
 /* [Woop]: axes permuted so that kz is the ray's largest, org moved to the origin, sheared so that the ray is the z axis. A vertex becomes
    a 2D point that depends on ray and vertex alone, so triangles which share it agree about it to the last bit: nothing slips through.
    Float edge functions throw out most triangles; zeros, which may be wrong, count as inside. What is left is decided again, and its t, u,
-   v computed, in double: exact signs, and weights that are good even for slivers and triangles seen edge-on. a: the vertices.
+   v computed, in double: exact signs, and weights that are good even for slivers and triangles seen edge-on. a: the vertices,
+   whose coordinates stand stride apart.
    RTI_WALK_LIKELY leaves the floats out, for those who have thrown out most triangles themselves. */
 RTI_SHARED(
-RTI_FN unsigned rti_hit_triangle(rti_packet *p, const rti_shear *s, unsigned live, const RTI_GLOBAL float *a, uint32_t prim, uint32_t inst, int flags)
+RTI_FN unsigned rti_hit_triangle(rti_packet *p, const rti_shear *s, unsigned live, const RTI_GLOBAL float *a, const int stride, uint32_t prim,
+                                 uint32_t inst, int flags)
 {
-    const int kx = s->kx, ky = s->ky, kz = s->kz;
+    const int kx = stride * s->kx, ky = stride * s->ky, kz = stride * s->kz, b = 3 * stride, c = 6 * stride;
     const rti_v az = rti_vsub(rti_vset(a[kz]), s->oz);
-    const rti_v bz = rti_vsub(rti_vset(a[3 + kz]), s->oz);
-    const rti_v cz = rti_vsub(rti_vset(a[6 + kz]), s->oz);
+    const rti_v bz = rti_vsub(rti_vset(a[b + kz]), s->oz);
+    const rti_v cz = rti_vsub(rti_vset(a[c + kz]), s->oz);
     const rti_v ax = rti_vsub(rti_vsub(rti_vset(a[kx]), s->ox), rti_vround(rti_vmul(s->sx, az)));
     const rti_v ay = rti_vsub(rti_vsub(rti_vset(a[ky]), s->oy), rti_vround(rti_vmul(s->sy, az)));
-    const rti_v bx = rti_vsub(rti_vsub(rti_vset(a[3 + kx]), s->ox), rti_vround(rti_vmul(s->sx, bz)));
-    const rti_v by = rti_vsub(rti_vsub(rti_vset(a[3 + ky]), s->oy), rti_vround(rti_vmul(s->sy, bz)));
-    const rti_v cx = rti_vsub(rti_vsub(rti_vset(a[6 + kx]), s->ox), rti_vround(rti_vmul(s->sx, cz)));
-    const rti_v cy = rti_vsub(rti_vsub(rti_vset(a[6 + ky]), s->oy), rti_vround(rti_vmul(s->sy, cz)));
+    const rti_v bx = rti_vsub(rti_vsub(rti_vset(a[b + kx]), s->ox), rti_vround(rti_vmul(s->sx, bz)));
+    const rti_v by = rti_vsub(rti_vsub(rti_vset(a[b + ky]), s->oy), rti_vround(rti_vmul(s->sy, bz)));
+    const rti_v cx = rti_vsub(rti_vsub(rti_vset(a[c + kx]), s->ox), rti_vround(rti_vmul(s->sx, cz)));
+    const rti_v cy = rti_vsub(rti_vsub(rti_vset(a[c + ky]), s->oy), rti_vround(rti_vmul(s->sy, cz)));
     unsigned hit = live;
     if (!(flags & RTI_WALK_LIKELY)) {
         const rti_v u = rti_edge(cx, cy, bx, by), v = rti_edge(ax, ay, cx, cy), w = rti_edge(bx, by, ax, ay);
@@ -9646,7 +9653,7 @@ RTI_FN unsigned rti_hit_triangle(rti_packet *p, const rti_shear *s, unsigned liv
     }
     if (hit) {
         rti_v t, u, v;
-        hit = rti_decide(hit, ax, ay, bx, by, cx, cy, rti_vset(a[kz]), rti_vset(a[3 + kz]), rti_vset(a[6 + kz]), s->oz, rti_dload(p->rdepth), &t, &u, &v);
+        hit = rti_decide(hit, ax, ay, bx, by, cx, cy, rti_vset(a[kz]), rti_vset(a[b + kz]), rti_vset(a[c + kz]), s->oz, rti_dload(p->rdepth), &t, &u, &v);
         if (hit) return rti_accept(p, hit, t, u, v, prim, inst, flags);
     }
     return 0;
@@ -9670,7 +9677,7 @@ RTI_FN unsigned rti_hit_triangles(const rt_accel *accel, rti_packet *p, unsigned
             float gathered[9];
             uint32_t prim;
             const RTI_GLOBAL float *corners = rti_corners(accel, rti_slot(slots, i), gathered, &prim);
-            found |= hit = rti_hit_triangle(p, &shear, live, corners, prim, inst, flags);
+            found |= hit = rti_hit_triangle(p, &shear, live, corners, 1, prim, inst, flags);
             if (flags & RTI_WALK_ANY) live &= ~hit;
         }
     }
@@ -10806,14 +10813,14 @@ RTI_NOINLINE RTI_TARGET void rti_gather_octet(const rt_accel *accel, uint32_t fi
     }
 }
 
-/* Depth first, the nearest child first. What waits lies on a stack, the nearest on top, and is looked at again only where the ray still reaches
+/* From a node, or, with a count, a leaf on: depth first, the nearest child first. What waits lies on a stack, the nearest on top, and is looked at again only where the ray still reaches
    it. */
-RTI_FN unsigned rti_wide_body(const rt_accel *accel, rti_packet *p, int lane, uint32_t inst, const int flags, const rti_job *job)
+RTI_FN unsigned rti_wide_body(const rt_accel *accel, rti_packet *p, int lane, uint32_t index, uint32_t count, uint32_t inst, const int flags,
+                              const rti_job *job)
 {
     struct { float enter; uint32_t index, count; } stack[RTI_WIDE_STACK];
     const rti_wide *const wides = accel->wides;
     const rti_probe r = rti_make_probe(p, lane);
-    uint32_t index = 0, count = 0;
     unsigned found = 0;
     int top = 0;
     (void)job;
@@ -10879,12 +10886,13 @@ pop:
     }
 }
 
-#define RTI_WIDE(name, constants)                                                                                              \
-    RTI_NOINLINE RTI_TARGET unsigned name(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job) \
-    {                                                                                                                          \
-        unsigned found = 0;                                                                                                    \
-        for (; live; live &= live - 1) found |= rti_wide_body(accel, p, rti_lowest_bit(live), inst, constants, job);           \
-        return found;                                                                                                          \
+#define RTI_WIDE(name, constants)                                                                                                 \
+    RTI_NOINLINE RTI_TARGET unsigned name(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t index, uint32_t count,    \
+                                          uint32_t inst, const rti_job *job)                                                      \
+    {                                                                                                                             \
+        unsigned found = 0;                                                                                                       \
+        for (; live; live &= live - 1) found |= rti_wide_body(accel, p, rti_lowest_bit(live), index, count, inst, constants, job); \
+        return found;                                                                                                             \
     }
 RTI_WIDE(rti_wide_closest, 0)
 RTI_WIDE(rti_wide_any, RTI_WALK_ANY)
@@ -10898,17 +10906,240 @@ RTI_WIDE(rti_wide_any_count, RTI_WALK_COUNT | RTI_WALK_ALL | RTI_WALK_ANY)
 #endif
 #undef RTI_WIDE
 
-RTI_FN unsigned rti_walk_wide(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
+RTI_FN unsigned rti_wide_from(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t index, uint32_t count, uint32_t inst,
+                              const rti_job *job)
 {
     const bool any = job->query == RT_ANY;
 #if RTI_STATS
-    if (job->stats) return any ? rti_wide_any_count(accel, p, live, inst, job) : rti_wide_closest_count(accel, p, live, inst, job);
+    if (job->stats)
+        return any ? rti_wide_any_count(accel, p, live, index, count, inst, job) : rti_wide_closest_count(accel, p, live, index, count, inst, job);
 #endif
 #if RTI_SPHERES || RTI_INSTANCES
     if (accel->slots[RTI_SPHERE] || accel->slots[RTI_INSTANCE])
-        return any ? rti_wide_any_all(accel, p, live, inst, job) : rti_wide_closest_all(accel, p, live, inst, job);
+        return any ? rti_wide_any_all(accel, p, live, index, count, inst, job) : rti_wide_closest_all(accel, p, live, index, count, inst, job);
 #endif
-    return any ? rti_wide_any(accel, p, live, inst, job) : rti_wide_closest(accel, p, live, inst, job);
+    return any ? rti_wide_any(accel, p, live, index, count, inst, job) : rti_wide_closest(accel, p, live, index, count, inst, job);
+}
+
+
+/* Packets of RT_BVH_WIDE: the SIMD ray. Its rays go together while enough of them meet the same boxes, and then on by themselves. What bounds
+   them is intervals of origins and inverse directions: between which t rays of the same octant cross a plane is told by the four products of
+   their ends. So 8 children, or triangles, are asked at once, and then one child with all rays. Rounding is monotonic, so no box is missed
+   that rti_prepare's planes of one ray would meet. */
+
+#define RTI_FEW_LANES 2                     /* so many go on alone */
+
+/* The least and the greatest of rays of one octant, each for the planes that they meet first and last. */
+typedef struct { rti_v near_org[3], far_org[3], least[3], most[3], tmin; } rti_interval;
+
+/* Of those lanes, in an order that the octant does not change: org with its pad, and rdir. */
+RTI_FN void rti_bound_lanes(const rti_packet *p, unsigned lanes, int k, float org[2], float rdir[2])
+{
+    const rti_v high = rti_vset(RTI_INFINITY), low = rti_vset(-RTI_INFINITY), pad = rti_vload(p->pad), at = rti_vload(p->org[k]);
+    org[0] = rti_vleast(rti_vselect(lanes, rti_vsub(at, pad), high));
+    org[1] = rti_vmost(rti_vselect(lanes, rti_vadd(at, pad), low));
+    rdir[0] = rti_vleast(rti_vselect(lanes, rti_vload(p->rdir[k]), high));
+    rdir[1] = rti_vmost(rti_vselect(lanes, rti_vload(p->rdir[k]), low));
+}
+
+RTI_FN rti_interval rti_make_interval(const rti_packet *p, unsigned lanes)
+{
+    rti_interval r;
+    int k;
+    r.tmin = rti_vset(rti_vleast(rti_vselect(lanes, rti_vload(p->tmin), rti_vset(RTI_INFINITY))));
+    RTI_UNROLL
+    for (k = 0; k < 3; k++) {
+        float org[2], rdir[2];
+        rti_bound_lanes(p, lanes, k, org, rdir);
+        r.near_org[k] = rti_vset(org[1 - p->side[k]]);
+        r.far_org[k] = rti_vset(org[p->side[k]]);
+        r.least[k] = rti_vset(rdir[0]);
+        r.most[k] = rti_vset(rdir[1]);
+    }
+    return r;
+}
+
+/* Boxes that some ray may meet before t, and where the first enters each; by their planes that are met first and last. */
+RTI_FN unsigned rti_cross_interval(const rti_interval *r, const rti_v near[3], const rti_v far[3], rti_v t, rti_v *enter)
+{
+    rti_v first[3], last[3];
+    int k;
+    RTI_UNROLL
+    for (k = 0; k < 3; k++) {
+        const rti_v a = rti_vsub(near[k], r->near_org[k]), b = rti_vsub(far[k], r->far_org[k]);
+        first[k] = rti_vmin(rti_vmul(a, r->least[k]), rti_vmul(a, r->most[k]));
+        last[k] = rti_vmax(rti_vmul(b, r->least[k]), rti_vmul(b, r->most[k]));
+    }
+    *enter = rti_vmax(rti_vmax(first[0], first[1]), rti_vmax(first[2], r->tmin));
+    return rti_vle(*enter, rti_vmin(rti_vmin(last[0], last[1]), rti_vmin(last[2], t)));
+}
+
+/* Lanes that meet a box: rti_hit_box. */
+RTI_FN unsigned rti_meet_lanes(const rti_packet *p, const rti_v near[3], const rti_v far[3])
+{
+    rti_v first[3], last[3];
+    int k;
+    RTI_UNROLL
+    for (k = 0; k < 3; k++) {
+        const rti_v rdir = rti_vload(p->rdir[k]);
+        first[k] = rti_vplane(near[k], rti_vload(p->plane[p->side[k]][k]), rdir);
+        last[k] = rti_vplane(far[k], rti_vload(p->plane[1 - p->side[k]][k]), rdir);
+    }
+    return rti_vle(rti_vmax(rti_vmax(first[0], first[1]), rti_vmax(first[2], rti_vload(p->tmin))),
+                   rti_vmin(rti_vmin(last[0], last[1]), rti_vmin(last[2], rti_vload(p->t))));
+}
+
+/* The triangles of an octet whose boxes some ray may meet, one after the other. */
+RTI_FN unsigned rti_sheaf_octet(rti_packet *p, const rti_interval *r, rti_v t, unsigned live, const rti_octet *octet, uint32_t count, uint32_t inst,
+                                const int flags, const rti_job *job)
+{
+    unsigned found = 0;
+    uint32_t at;
+    (void)job;
+    for (at = 0; at < RTI_CHILDREN && at < count && live; at += RTI_WIDTH) {
+        rti_v near[3], far[3], enter;
+        unsigned kept;
+        int k, kz;
+        RTI_UNROLL
+        for (k = 0; k < 3; k++) {
+            const rti_v a = rti_vload(octet->v[k] + at), b = rti_vload(octet->v[3 + k] + at), c = rti_vload(octet->v[6 + k] + at);
+            const rti_v low = rti_vmin(rti_vmin(a, b), c), high = rti_vmax(rti_vmax(a, b), c);
+            near[k] = p->side[k] ? high : low;
+            far[k] = p->side[k] ? low : high;
+        }
+        kept = rti_cross_interval(r, near, far, t, &enter);
+        if (at + RTI_WIDTH > count) kept &= (1u << (count - at)) - 1;
+        RTI_TALLY(job->stats, RTI_COUNTS(job) ? RTI_WALK_COUNT : 0, prims, rti_bit_count(kept) * rti_bit_count(live));
+        for (kz = kept ? p->first_axis : 3; kz <= p->last_axis; kz++) {
+            unsigned lanes = live & p->axis[kz], todo = kept;
+            rti_shear shear;
+            if (!lanes) continue;
+            shear = rti_make_shear(p, kz);
+            for (; todo && lanes; todo &= todo - 1) {
+                const uint32_t i = at + (uint32_t)rti_lowest_bit(todo);
+                const unsigned hit = rti_hit_triangle(p, &shear, lanes, octet->v[0] + i, RTI_CHILDREN, octet->prim[i], inst, flags);
+                found |= hit;
+                if (flags & RTI_WALK_ANY) lanes &= ~hit;
+            }
+        }
+        if (flags & RTI_WALK_ANY) live &= ~found;
+    }
+    return found;
+}
+
+/* From a node on; r bounds at least the live lanes. */
+RTI_FN unsigned rti_sheaf_body(const rt_accel *accel, rti_packet *p, unsigned live, const rti_interval *r, uint32_t index, uint32_t inst,
+                               const bool any, const rti_job *job)
+{
+    struct { const rti_wide *node; float enter; int child; unsigned lanes; } stack[RTI_WIDE_STACK];
+    const int flags = any ? RTI_WALK_ANY : 0, counts = RTI_COUNTS(job) ? RTI_WALK_COUNT : 0;
+    float farthest = rti_vmost(rti_vselect(live, rti_vload(p->t), rti_vset(-RTI_INFINITY)));
+    unsigned found = 0, lanes = live;
+    int near_plane[3], far_plane[3], top = 0, k;
+    for (k = 0; k < 3; k++) {
+        near_plane[k] = 3 * p->side[k] + k;
+        far_plane[k] = 3 - 3 * p->side[k] + k;
+    }
+    for (;;) {
+        const rti_wide *node = accel->wides + index;
+        float enter[RTI_CHILDREN];
+        rti_v near[3], far[3], first;
+        unsigned hit = 0;
+        const int base = top;
+        int i;
+        for (i = 0; i < RTI_CHILDREN; i += RTI_WIDTH) {
+            RTI_UNROLL
+            for (k = 0; k < 3; k++) {
+                near[k] = rti_vload(node->bounds[near_plane[k]] + i);
+                far[k] = rti_vload(node->bounds[far_plane[k]] + i);
+            }
+            hit |= rti_cross_interval(r, near, far, rti_vset(farthest), &first) << i;
+            rti_vstore(enter + i, first);
+        }
+        RTI_TALLY(job->stats, counts, steps, 1);
+        RTI_TALLY(job->stats, counts, nodes, rti_bit_count(lanes));
+        RTI_TALLY(job->stats, counts, active, rti_bit_count(lanes));
+        RTI_TALLY(job->stats, counts, frusta, RTI_CHILDREN);
+        RTI_TALLY(job->stats, counts, culled, RTI_CHILDREN - rti_bit_count(hit));
+        RTI_TALLY(job->stats, counts, pushes, rti_bit_count(hit));
+        for (; hit; hit &= hit - 1) {
+            const int next = rti_lowest_bit(hit);
+            int at = top++;
+            for (; !any && at > base && stack[at - 1].enter < enter[next]; at--) stack[at] = stack[at - 1];
+            stack[at].node = node;
+            stack[at].enter = enter[next];
+            stack[at].child = next;
+            stack[at].lanes = lanes;
+        }
+        for (;;) {
+            uint32_t count, n;
+            if (!top) return found;
+            top--;
+            if (!(stack[top].enter <= farthest)) continue;
+            lanes = stack[top].lanes & live;
+            node = stack[top].node;
+            i = stack[top].child;
+            RTI_UNROLL
+            for (k = 0; k < 3; k++) {
+                near[k] = rti_vset(node->bounds[near_plane[k]][i]);
+                far[k] = rti_vset(node->bounds[far_plane[k]][i]);
+            }
+            RTI_TALLY(job->stats, counts, boxes, rti_bit_count(lanes));
+            lanes &= rti_meet_lanes(p, near, far);
+            if (!lanes) continue;
+            index = node->index[i];
+            count = node->count[i];
+            n = count & RTI_COUNT_MASK;
+            if (rti_bit_count(lanes) <= RTI_FEW_LANES) hit = rti_wide_from(accel, p, lanes, index, count, inst, job);
+            else if (!count) break;
+            else {
+                RTI_TALLY(job->stats, counts, steps, 1);
+                RTI_TALLY(job->stats, counts, leaves, rti_bit_count(lanes));
+                RTI_TALLY(job->stats, counts, active, rti_bit_count(lanes));
+                if (count >> RTI_KIND_SHIFT == RTI_TRIANGLE) {
+                    rti_octet gathered;
+                    const rti_octet *octet = &gathered;
+                    if (accel->octets) octet = accel->octets + index;
+                    else rti_gather_octet(accel, index, n, &gathered);
+                    hit = rti_sheaf_octet(p, r, rti_vset(farthest), lanes, octet, n, inst, flags, job);
+                } else {
+                    RTI_TALLY(job->stats, counts, prims, n * (uint32_t)rti_bit_count(lanes));
+                    hit = 0;
+#if RTI_SPHERES
+                    if (count >> RTI_KIND_SHIFT == RTI_SPHERE) hit = rti_hit_spheres(accel, p, lanes, NULL, index, n, inst, flags);
+#endif
+#if RTI_INSTANCES
+                    if (count >> RTI_KIND_SHIFT == RTI_INSTANCE) hit = rti_hit_instances(accel, p, lanes, NULL, index, n, inst, job);
+#endif
+                }
+            }
+            if (!hit) continue;
+            found |= hit;
+            if (any && !(live &= ~hit)) return found;
+            farthest = rti_vmost(rti_vselect(live, rti_vload(p->t), rti_vset(-RTI_INFINITY)));
+        }
+    }
+}
+
+RTI_NOINLINE RTI_TARGET unsigned rti_sheaf_closest(const rt_accel *accel, rti_packet *p, unsigned live, const rti_interval *r, uint32_t index,
+                                                   uint32_t inst, const rti_job *job)
+{
+    return rti_sheaf_body(accel, p, live, r, index, inst, false, job);
+}
+
+RTI_NOINLINE RTI_TARGET unsigned rti_sheaf_any(const rt_accel *accel, rti_packet *p, unsigned live, const rti_interval *r, uint32_t index,
+                                               uint32_t inst, const rti_job *job)
+{
+    return rti_sheaf_body(accel, p, live, r, index, inst, true, job);
+}
+
+RTI_FN unsigned rti_walk_wide(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
+{
+    if (job->side > 1 && p->uniform && rti_bit_count(live) > RTI_FEW_LANES) {
+        const rti_interval r = rti_make_interval(p, live);
+        return job->query == RT_ANY ? rti_sheaf_any(accel, p, live, &r, 0, inst, job) : rti_sheaf_closest(accel, p, live, &r, 0, inst, job);
+    }
+    return rti_wide_from(accel, p, live, 0, 0, inst, job);
 }
 
 #endif /* RTI_WIDTH > 1 */
@@ -11346,7 +11577,7 @@ RTI_FN unsigned rti_hit_facets(rti_packet *p, unsigned lanes, const rti_facets *
         shear = rti_make_shear(p, kz);
         for (; left && live; left &= left - 1) {
             const int i = rti_lowest_bit(left);
-            const unsigned hit = rti_hit_triangle(p, &shear, live, t->corners[i], t->prim[i], inst, flags);
+            const unsigned hit = rti_hit_triangle(p, &shear, live, t->corners[i], 1, t->prim[i], inst, flags);
             if (flags & RTI_WALK_ANY) live &= ~hit;
             found |= hit;
         }
@@ -11653,513 +11884,6 @@ RTI_LARGE_WALK(rti_walk_partition_count, RT_BVH_PARTITION, RTI_WALK_COUNT)
 #endif
 #undef RTI_LARGE_WALK
 
-/* ---- >>beams -------------------------------------------------------------------------------------------------------- */
-
-/* RT_BVH_WIDE in large packets: rays through one point, the apex of their frustum, where they start or where they end. Seen from there a box,
-   or a triangle, is a rectangle of slopes u / k and v / k from some s on, and a SIMD ray a smaller rectangle up to the s that it still has to
-   look at. So 8 children are compared with all rays at once, and each that is left with 8 SIMD rays at once: no ray is tested against a
-   box. Rectangles are moved out by twice the frustum's pad: what a quotient rounds is less than once. Scenes so
-   small that products of three coordinates underflow go without.
-
-   Nor is a triangle that is surely hit, and surely nearer than what was hit before, tested at once: it waits until something comes near enough
-   to cast doubt, or until all is seen. So most rays pay for the test that decides once, and with RT_ANY hardly ever. */
-
-#define RTI_BEAM (256 / RTI_WIDTH)          /* SIMD rays, at most 64: a set of them is a uint64_t */
-
-typedef struct {
-    float low[2][RTI_BEAM], high[2][RTI_BEAM];      /* of each SIMD ray: its slopes, */
-    float reach[RTI_BEAM];                  /* and the s up to which it needs hits; below 0: it needs none */
-    float farthest;                         /* of those */
-    float middle[2], room[2];               /* of all slopes: their middle, from which those of the rays now count, and how far they are from it */
-    float center[2][RTI_BEAM], half[2][RTI_BEAM];   /* likewise of each SIMD ray, counted from that middle */
-    float slant;                            /* what doubt grows by where a ray's largest direction is not along k */
-    bool waiting;                           /* hits may wait */
-    float first[RTI_BEAM][RTI_WIDTH];       /* of each ray: from what s on hits count for sure, */
-    float last[2][RTI_BEAM][RTI_WIDTH];     /* up to which s they do, and beyond which they surely do not; */
-    union { uint32_t id[RTI_WIDTH]; float bits[RTI_WIDTH]; } waits[RTI_BEAM];   /* the triangle that waits for its test: 8 times its octet and where in it, or its slot; RT_NONE */
-} rti_beam;
-
-/* RTI_WIDTH rectangles, and where they begin. */
-typedef struct { rti_v low[2], high[2], from; } rti_views;
-
-/* Of boxes in space, as seen from the apex and with the frustum's sign: along u and v, and along k from s on; pad: of all. */
-RTI_FN rti_views rti_view(const rti_v low[2], const rti_v high[2], rti_v from, rti_v to, float pad)
-{
-    const rti_v more = rti_vset(pad), least = rti_vset(1e-30f);
-    const rti_v near = rti_vdiv(rti_vset(1), rti_vmax(rti_vsub(from, more), least)), far = rti_vdiv(rti_vset(1), rti_vmax(rti_vadd(to, more), least));
-    rti_views r;
-    int a;
-    r.from = rti_vsub(from, more);
-    RTI_UNROLL
-    for (a = 0; a < 2; a++) {
-        const rti_v lo = rti_vsub(low[a], more), hi = rti_vadd(high[a], more);
-        r.low[a] = rti_vmin(rti_vmul(lo, near), rti_vmul(lo, far));
-        r.high[a] = rti_vmax(rti_vmul(hi, near), rti_vmul(hi, far));
-    }
-    return r;
-}
-
-/* Those lanes of a SIMD ray as their t says. */
-RTI_FN void rti_set_window(const rti_large *g, rti_beam *b, int i, unsigned lanes)
-{
-    const rti_packet *p = &g->rays[i];
-    const bool to_point = g->frustum.to_point;
-    const rti_v tmin = rti_vload(p->tmin), t = rti_vload(p->t), one = rti_vset(1), e = rti_vset(1e-6f);
-    const rti_v depth = rti_vabs(rti_vload(p->dir[g->frustum.k])), more = rti_vmul(depth, e);
-    const rti_v from = rti_vmul(depth, to_point ? rti_vsub(one, t) : tmin), to = rti_vmul(depth, to_point ? rti_vsub(one, tmin) : t);
-    const rti_v first = rti_vadd(rti_vmul(from, rti_vadd(one, e)), more);
-    const rti_v low = rti_vsub(rti_vmul(to, rti_vsub(one, e)), more), high = rti_vadd(rti_vmul(to, rti_vadd(one, e)), more);
-    rti_vstore(b->first[i], rti_vselect(lanes, first, rti_vload(b->first[i])));
-    rti_vstore(b->last[0][i], rti_vselect(lanes, low, rti_vload(b->last[0][i])));
-    rti_vstore(b->last[1][i], rti_vselect(lanes, high, rti_vload(b->last[1][i])));
-}
-
-RTI_FN void rti_set_reach_of(const rti_large *g, rti_beam *b, int i)
-{
-    const rti_packet *p = &g->rays[i];
-    b->reach[i] = p->live ? rti_vmost(rti_vselect(p->live, rti_vload(b->last[1][i]), rti_vset(-RTI_INFINITY))) + g->frustum.pad : -RTI_INFINITY;
-}
-
-/* Slopes of all SIMD rays, and how far they reach. */
-RTI_FN void rti_make_beam(rti_large *g, rti_beam *b)
-{
-    int i, a;
-    b->farthest = -RTI_INFINITY;
-    b->waiting = false;
-    b->slant = 1;
-    for (a = 0; a < 2; a++) {
-        b->middle[a] = (g->frustum.low[a] + g->frustum.high[a]) * 0.5f;
-        b->room[a] = (g->frustum.high[a] - g->frustum.low[a]) * 0.51f;
-    }
-    for (i = 0; i < RTI_BEAM; i++) {
-        if (i >= g->count) {
-            b->reach[i] = -RTI_INFINITY;
-            for (a = 0; a < 2; a++) b->low[a][i] = b->high[a][i] = b->center[a][i] = b->half[a][i] = 0;
-            continue;
-        }
-        if (g->rays[i].axis[g->frustum.k] != RTI_ALL_LANES) b->slant = 1 + 2 * g->frustum.steep;
-        for (a = 0; a < 2; a++) {
-            const rti_v slope = rti_vload(g->rays[i].slope[a]);
-            b->low[a][i] = rti_vleast(slope);
-            b->high[a][i] = rti_vmost(slope);
-            rti_vstore(g->rays[i].slope[a], rti_vsub(slope, rti_vset(b->middle[a])));
-            b->center[a][i] = (b->low[a][i] + b->high[a][i]) * 0.5f - b->middle[a];
-            b->half[a][i] = (b->high[a][i] - b->low[a][i]) * 0.5f + 4e-7f * g->frustum.steep;
-        }
-        rti_set_window(g, b, i, RTI_ALL_LANES);
-        rti_set_reach_of(g, b, i);
-        rti_vstore(b->waits[i].bits, rti_vid(RT_NONE));
-        if (b->reach[i] > b->farthest) b->farthest = b->reach[i];
-    }
-}
-
-/* Those of list that a rectangle meets. */
-RTI_FN uint64_t rti_beam_meets(const rti_beam *b, uint64_t list, const float low[2], const float high[2], float from)
-{
-    const rti_v l0 = rti_vset(low[0]), h0 = rti_vset(high[0]), l1 = rti_vset(low[1]), h1 = rti_vset(high[1]), at = rti_vset(from);
-    uint64_t met = 0;
-    int i;
-    for (i = 0; i < RTI_BEAM; i += RTI_WIDTH) {
-        unsigned in;
-        if (!(list >> i & RTI_ALL_LANES)) continue;
-        in = rti_vle(rti_vload(b->low[0] + i), h0) & rti_vle(l0, rti_vload(b->high[0] + i)) & rti_vle(at, rti_vload(b->reach + i));
-        met |= (uint64_t)(in & rti_vle(rti_vload(b->low[1] + i), h1) & rti_vle(l1, rti_vload(b->high[1] + i))) << i;
-    }
-    return met & list;
-}
-
-/* Those that still reach s. */
-RTI_FN uint64_t rti_beam_reaches(const rti_beam *b, uint64_t list, float s)
-{
-    uint64_t met = 0;
-    int i;
-    for (i = 0; i < RTI_BEAM; i += RTI_WIDTH)
-        if (list >> i & RTI_ALL_LANES) met |= (uint64_t)rti_vle(rti_vset(s), rti_vload(b->reach + i)) << i;
-    return met & list;
-}
-
-RTI_FN int rti_lowest_of(uint64_t bits)
-{
-#if defined(__GNUC__) || defined(__clang__)
-    return __builtin_ctzll(bits);
-#else
-    return (uint32_t)bits ? rti_lowest_bit((uint32_t)bits) : 32 + rti_lowest_bit((uint32_t)(bits >> 32));
-#endif
-}
-
-/* As rti_edges, for RTI_WIDTH triangles whose coordinates stand stride apart, but about the middle of the slopes: seen along it vertices are
-   no farther from the rays than the triangle and the packet are wide, m, so the functions are wrong by less. With r as there, vertices are
-   misplaced by 16 e r (1 + steep), half of it by rti_hit_triangle, and by twice the sway: the error, of two vertices in two products, is 4 m times
-   that; half more is added, for products and sums that round. Where rti_hit_triangle looks along another axis, its functions are larger by up to
-   1 + 2 steep. */
-RTI_FN unsigned rti_beam_edges(const rti_large *g, const rti_beam *b, const float *corners, size_t stride, rti_facets *t)
-{
-    const rti_frustum *f = &g->frustum;
-    const int axis[3] = { f->k, f->u, f->v };
-    rti_v p[3][3], reach = rti_vset(0), far = rti_vset(0), error, doubt, lo[3], hi[3];
-    unsigned below = 0, above = 0;
-    int i, k;
-    RTI_UNROLL
-    for (i = 0; i < 3; i++) {
-        RTI_UNROLL
-        for (k = 0; k < 3; k++) {
-            p[i][k] = rti_vsub(rti_vload(corners + stride * (size_t)(3 * i + axis[k])), rti_vset(f->apex[axis[k]]));
-            reach = rti_vmax(rti_vabs(p[i][k]), reach);
-        }
-        RTI_UNROLL
-        for (k = 1; k < 3; k++) p[i][k] = rti_vsub(p[i][k], rti_vmul(p[i][0], rti_vset(b->middle[k - 1])));
-        far = rti_vmax(rti_vadd(rti_vabs(p[i][1]), rti_vabs(p[i][2])), far);
-    }
-    far = rti_vfma(reach, rti_vset(b->room[0] + b->room[1]), far);
-    error = rti_vadd(rti_vmul(reach, rti_vset(9.6e-7f * (1 + f->steep))), rti_vset(2 * f->sway * (1 + f->steep) + 1e-30f));
-    doubt = rti_vmul(rti_vmul(error, rti_vadd(far, error)), rti_vset(6 * b->slant));
-    doubt = rti_vadd(doubt, rti_vset(1e-34f));
-    RTI_UNROLL
-    for (i = 0; i < 3; i++) {
-        const rti_v *a = p[(i + 2) % 3], *c = p[(i + 1) % 3];
-        rti_v value[3], spread;
-        RTI_UNROLL
-        for (k = 0; k < 3; k++) {
-            const int y = (k + 1) % 3, z = (k + 2) % 3;
-            value[k] = rti_vsub(rti_vmul(a[y], c[z]), rti_vmul(a[z], c[y]));
-            rti_vstore(t->edge[i][k], value[k]);
-        }
-        spread = rti_vfma(rti_vabs(value[1]), rti_vset(b->room[0]), rti_vfma(rti_vabs(value[2]), rti_vset(b->room[1]), doubt));
-        lo[i] = rti_vsub(value[0], spread);
-        hi[i] = rti_vadd(value[0], spread);
-        below |= rti_vlt(hi[i], rti_vset(0));
-        above |= rti_vlt(rti_vset(0), lo[i]);
-    }
-    rti_vstore(t->doubt, doubt);
-    return ~(below & above) & RTI_ALL_LANES;
-}
-
-/* Those of list that do not pass beside a triangle, by the edges and all slopes that a SIMD ray has. */
-RTI_FN uint64_t rti_beam_crosses(const rti_beam *b, uint64_t list, const rti_facets *t, int lane)
-{
-    const rti_v doubt = rti_vset(t->doubt[lane]);
-    rti_v value[3][3], size[3][2];
-    uint64_t met = 0;
-    int i, k;
-    RTI_UNROLL
-    for (i = 0; i < 3; i++) {
-        RTI_UNROLL
-        for (k = 0; k < 3; k++) value[i][k] = rti_vset(t->edge[i][k][lane]);
-        RTI_UNROLL
-        for (k = 0; k < 2; k++) size[i][k] = rti_vabs(value[i][k + 1]);
-    }
-    for (i = 0; i < RTI_BEAM; i += RTI_WIDTH) {
-        const rti_v cu = rti_vload(b->center[0] + i), cv = rti_vload(b->center[1] + i), hu = rti_vload(b->half[0] + i), hv = rti_vload(b->half[1] + i);
-        rti_v least = rti_vset(RTI_INFINITY), most = rti_vset(-RTI_INFINITY);
-        if (!(list >> i & RTI_ALL_LANES)) continue;
-        RTI_UNROLL
-        for (k = 0; k < 3; k++) {
-            const rti_v at = rti_vfma(cu, value[k][1], rti_vfma(cv, value[k][2], value[k][0]));
-            const rti_v spread = rti_vfma(hu, size[k][0], rti_vfma(hv, size[k][1], doubt));
-            least = rti_vmin(rti_vadd(at, spread), least);
-            most = rti_vmax(rti_vsub(at, spread), most);
-        }
-        met |= (uint64_t)(RTI_ALL_LANES & ~(rti_vlt(least, rti_vset(0)) & rti_vlt(rti_vset(0), most))) << i;
-    }
-    return met & list;
-}
-
-/* Tests what waits in those lanes of a SIMD ray. */
-RTI_NOINLINE RTI_TARGET void rti_beam_settle(const rt_accel *accel, rti_large *g, rti_beam *b, int i, unsigned lanes, uint32_t inst)
-{
-    rti_packet *p = &g->rays[i];
-    int lane, k;
-    rti_facets t;
-    t.corners[0] = t.gathered[0];
-    for (; lanes; lanes &= lanes - 1) {
-        const uint32_t id = b->waits[i].id[lane = rti_lowest_bit(lanes)];
-        unsigned same = 1u << lane;
-        if (id == RT_NONE) continue;
-        b->waits[i].id[lane] = RT_NONE;
-        for (k = lane + 1; k < RTI_WIDTH; k++)
-            if (lanes >> k & 1 && b->waits[i].id[k] == id) {
-                same |= 1u << k;
-                b->waits[i].id[k] = RT_NONE;
-            }
-        if (accel->octets) {
-            const rti_octet *octet = &accel->octets[id / RTI_CHILDREN];
-            for (k = 0; k < 9; k++) t.gathered[0][k] = octet->v[k][id % RTI_CHILDREN];
-            t.prim[0] = octet->prim[id % RTI_CHILDREN];
-        } else t.corners[0] = rti_corners(accel, id, t.gathered[0], &t.prim[0]);
-        k = (int)rti_facets_closest_likely(p, same, &t, 1, inst);
-        RT_ASSERT((unsigned)k == same);     /* it was sure */
-        p->found |= (unsigned)k;
-    }
-}
-
-/* Rays of list that need hits. */
-RTI_FN uint64_t rti_count_list(const rti_large *g, uint64_t list)
-{
-    uint64_t n = 0;
-    for (; list; list &= list - 1) n += (uint64_t)rti_bit_count(g->rays[rti_lowest_of(list)].live);
-    return n;
-}
-
-/* The triangles of an octet: their rectangles tell which SIMD rays are asked, edges which lanes of them may hit. id: of the first, see waits. */
-RTI_NOINLINE RTI_TARGET void rti_beam_octet(const rt_accel *accel, rti_large *g, rti_beam *b, const rti_octet *octet, uint32_t count, uint32_t id,
-                                            uint64_t list, uint32_t inst, const rti_job *job)
-{
-    const rti_frustum *f = &g->frustum;
-    const bool any = job->query == RT_ANY;
-    rti_facets t;
-    uint32_t at;
-    int i, k;
-    for (at = 0; at < RTI_CHILDREN && at < count; at += RTI_WIDTH) {
-        const unsigned n = count - at < RTI_WIDTH ? count - at : RTI_WIDTH;
-        const rti_v sign = rti_vset(f->sign), start = rti_vset(f->apex[f->k]);
-        const float pad = 2 * f->pad;
-        rti_v s[3], rs[3], from, to, start_s, off;
-        float from_s[RTI_WIDTH], lows[2][RTI_WIDTH], highs[2][RTI_WIDTH], depths[3][RTI_WIDTH], deep[RTI_WIDTH];
-        unsigned kept = RTI_ALL_LANES >> (RTI_WIDTH - n), around;
-        RTI_UNROLL
-        for (i = 0; i < 3; i++) s[i] = rti_vmul(rti_vsub(rti_vload(octet->v[3 * i + f->k] + at), start), sign);
-        from = rti_vmin(rti_vmin(s[0], s[1]), s[2]);
-        to = rti_vmax(rti_vmax(s[0], s[1]), s[2]);
-        start_s = rti_vsub(from, rti_vset(pad));
-        kept &= rti_vle(rti_vset(-pad), to) & rti_vle(start_s, rti_vset(b->farthest));
-        if (!kept) continue;
-        RTI_UNROLL
-        for (i = 0; i < 3; i++) rs[i] = rti_vdiv(sign, rti_vmax(s[i], rti_vset(1e-30f)));
-        around = rti_vlt(rti_vset(0), start_s);
-        off = rti_vdiv(rti_vset(pad), rti_vmax(start_s, rti_vset(1e-30f)));
-        RTI_UNROLL
-        for (k = 0; k < 2; k++) {
-            const int axis = k ? f->v : f->u;
-            rti_v x[3], low, high;
-            RTI_UNROLL
-            for (i = 0; i < 3; i++) x[i] = rti_vmul(rti_vsub(rti_vload(octet->v[3 * i + axis] + at), rti_vset(f->apex[axis])), rs[i]);
-            low = rti_vmin(rti_vmin(x[0], x[1]), x[2]);
-            high = rti_vmax(rti_vmax(x[0], x[1]), x[2]);
-            low = rti_vsub(low, rti_vmul(off, rti_vadd(rti_vset(1), rti_vabs(low))));
-            high = rti_vadd(high, rti_vmul(off, rti_vadd(rti_vset(1), rti_vabs(high))));
-            low = rti_vselect(around, low, rti_vset(-RTI_INFINITY));
-            high = rti_vselect(around, high, rti_vset(RTI_INFINITY));
-            kept &= rti_vle(low, rti_vset(f->high[k])) & rti_vle(rti_vset(f->low[k]), high);
-            rti_vstore(lows[k], low);
-            rti_vstore(highs[k], high);
-        }
-        if (!kept) continue;
-        rti_vstore(from_s, start_s);
-        rti_vstore(deep, rti_vsub(to, from));
-        RTI_UNROLL
-        for (i = 0; i < 3; i++) rti_vstore(depths[i], s[i]);
-        kept &= rti_beam_edges(g, b, octet->v[0] + at, RTI_CHILDREN, &t);
-        for (; kept; kept &= kept - 1) {
-            const int lane = rti_lowest_bit(kept);
-            const float rect_low[2] = { lows[0][lane], lows[1][lane] }, rect_high[2] = { highs[0][lane], highs[1][lane] };
-            uint64_t asked = rti_beam_meets(b, list, rect_low, rect_high, from_s[lane]);
-            const rti_v uk = rti_vset(t.edge[0][0][lane]), uu = rti_vset(t.edge[0][1][lane]), uv = rti_vset(t.edge[0][2][lane]);
-            const rti_v vk = rti_vset(t.edge[1][0][lane]), vu = rti_vset(t.edge[1][1][lane]), vv = rti_vset(t.edge[1][2][lane]);
-            const rti_v wk = rti_vset(t.edge[2][0][lane]), wu = rti_vset(t.edge[2][1][lane]), wv = rti_vset(t.edge[2][2][lane]);
-            const rti_v above = rti_vset(t.doubt[lane]), below = rti_vset(-t.doubt[lane]);
-            const rti_v s0 = rti_vset(depths[0][lane]), s1 = rti_vset(depths[1][lane]), s2 = rti_vset(depths[2][lane]);
-            const rti_v doubt = rti_vset(4 * t.doubt[lane] * deep[lane]), blur = rti_vset(2 * f->pad);
-            const rti_v name = rti_vid(id + at + (uint32_t)lane);
-            if (asked & (asked - 1)) asked = rti_beam_crosses(b, asked, &t, lane);
-            for (; asked; asked &= asked - 1) {
-                const int ray = rti_lowest_of(asked);
-                rti_packet *p = &g->rays[ray];
-                const rti_v su = rti_vload(p->slope[0]), sv = rti_vload(p->slope[1]);
-                const rti_v u = rti_vfma(su, uu, rti_vfma(sv, uv, uk));
-                const rti_v v = rti_vfma(su, vu, rti_vfma(sv, vv, vk));
-                const rti_v w = rti_vfma(su, wu, rti_vfma(sv, wv, wk));
-                const rti_v least = rti_vmin(rti_vmin(u, v), w), most = rti_vmax(rti_vmax(u, v), w);
-                unsigned lanes = p->live & ~(rti_vlt(least, below) & rti_vlt(above, most)), sure, hit;
-#if RTI_STATS
-                if (job->stats) job->stats->prims += (uint64_t)rti_bit_count(p->live);
-#endif
-                if (!lanes) continue;
-                {
-                    /* where it is hit, at s, and what that may be wrong by: weights by doubt, which moves s between the vertices alone, and the
-                       rest, what is found being off the ray, by a pad */
-                    const rti_v rsum = rti_vdiv(rti_vset(1), rti_vadd(rti_vadd(u, v), w));
-                    const rti_v at_s = rti_vmul(rti_vfma(u, s0, rti_vfma(v, s1, rti_vmul(w, s2))), rsum);
-                    const rti_v error = rti_vadd(rti_vadd(rti_vabs(rti_vmul(doubt, rsum)), blur), rti_vmul(rti_vabs(at_s), rti_vset(2e-6f)));
-                    const rti_v low_s = rti_vsub(at_s, error), high_s = rti_vadd(at_s, error);
-                    sure = lanes & (rti_vlt(above, least) | rti_vlt(most, below));
-                    lanes &= ~(sure & rti_vlt(rti_vload(b->last[1][ray]), low_s));
-                    sure &= lanes & rti_vlt(rti_vload(b->first[ray]), low_s) & rti_vlt(high_s, rti_vload(b->last[0][ray]));
-                    if (!any && f->to_point) sure = 0;      /* the nearest has the largest s there: all are tested */
-                    if (!lanes) continue;
-                    if (sure && !any) {
-                        rti_vstore(b->last[0][ray], rti_vselect(sure, low_s, rti_vload(b->last[0][ray])));
-                        rti_vstore(b->last[1][ray], rti_vselect(sure, high_s, rti_vload(b->last[1][ray])));
-                        rti_vstore(b->waits[ray].bits, rti_vselect(sure, name, rti_vload(b->waits[ray].bits)));
-                        b->waiting = true;
-                    }
-                }
-                hit = any ? sure : 0;
-                lanes &= ~sure;
-                if (lanes) {
-                    if (!any) rti_beam_settle(accel, g, b, ray, lanes, inst);
-                    for (k = 0; k < 9; k++) t.gathered[0][k] = octet->v[k][at + (uint32_t)lane];
-                    t.corners[0] = t.gathered[0];
-                    t.prim[0] = octet->prim[at + (uint32_t)lane];
-                    hit |= (any ? rti_facets_any_likely : rti_facets_closest_likely)(p, lanes, &t, 1, inst);
-                    if (!any) rti_set_window(g, b, ray, lanes);
-                }
-                rti_note(g, p, hit, any);
-                rti_set_reach_of(g, b, ray);
-            }
-        }
-    }
-}
-
-#if RTI_SPHERES || RTI_INSTANCES
-/* The spheres or instances of a leaf: nothing may wait where they are tested. */
-RTI_NOINLINE RTI_TARGET void rti_beam_others(const rt_accel *accel, rti_large *g, rti_beam *b, uint32_t kind, uint32_t first, uint32_t count,
-                                             uint64_t list, uint32_t inst, const rti_job *job)
-{
-    const bool any = job->query == RT_ANY;
-    int length = 0, i;
-    (void)kind, (void)first, (void)count;
-    for (; list; list &= list - 1) {
-        i = rti_lowest_of(list);
-        g->order[length++] = (unsigned char)i;
-        if (b->waiting) rti_beam_settle(accel, g, b, i, RTI_ALL_LANES, inst);
-#if RTI_STATS
-        if (job->stats) job->stats->prims += (uint64_t)count * (uint64_t)rti_bit_count(g->rays[i].live);
-#endif
-    }
-#if RTI_SPHERES
-    for (i = 0; i < length && kind == RTI_SPHERE; i++) {
-        rti_packet *p = &g->rays[g->order[i]];
-        rti_note(g, p, rti_hit_spheres(accel, p, p->live, NULL, first, count, inst, any ? RTI_WALK_ANY : 0), any);
-    }
-#endif
-#if RTI_INSTANCES
-    if (kind == RTI_INSTANCE) rti_large_instances(accel, g, NULL, first, count, g->order, length, inst, job);
-#endif
-    for (i = 0; i < length; i++) {
-        if (!any) rti_set_window(g, b, g->order[i], RTI_ALL_LANES);
-        rti_set_reach_of(g, b, g->order[i]);
-    }
-}
-#endif
-
-/* From near to far: what waits lies on a stack, with the SIMD rays that met its box. */
-RTI_FN void rti_beam_body(const rt_accel *accel, rti_large *g, uint32_t inst, const int flags, const rti_job *job)
-{
-    struct { uint64_t list; float from; uint32_t index, count; } stack[RTI_WIDE_STACK];
-    const rti_frustum *f = &g->frustum;
-    const float pad = 2 * f->pad;
-    rti_beam beam;
-    uint32_t index = 0, count = 0;
-    uint64_t list = 0;
-    int top = 0, i, a;
-    rti_make_beam(g, &beam);
-    for (i = 0; i < g->count; i++)
-        if (g->rays[i].live) list |= (uint64_t)1 << i;
-    (void)flags;
-    for (;;) {
-        while (!count) {
-            const rti_wide *node = &accel->wides[index];
-            float from[RTI_CHILDREN], lows[2][RTI_CHILDREN], highs[2][RTI_CHILDREN];
-            unsigned hit = 0;
-            const int base = top;
-            for (i = 0; i < RTI_CHILDREN; i += RTI_WIDTH) {
-                const rti_v at = rti_vset(f->apex[f->k]), sign = rti_vset(f->sign);
-                const rti_v begin = rti_vmul(rti_vsub(rti_vload(node->bounds[f->near_k] + i), at), sign);
-                const rti_v end = rti_vmul(rti_vsub(rti_vload(node->bounds[f->far_k] + i), at), sign);
-                rti_v low[2], high[2];
-                rti_views views;
-                unsigned in;
-                RTI_UNROLL
-                for (a = 0; a < 2; a++) {
-                    const int axis = a ? f->v : f->u;
-                    const int first = f->sign > 0 ? axis : 3 + axis, last = f->sign > 0 ? 3 + axis : axis;
-                    low[a] = rti_vmul(rti_vsub(rti_vload(node->bounds[first] + i), rti_vset(f->apex[axis])), sign);
-                    high[a] = rti_vmul(rti_vsub(rti_vload(node->bounds[last] + i), rti_vset(f->apex[axis])), sign);
-                }
-                views = rti_view(low, high, begin, end, pad);
-                in = rti_vle(rti_vset(-pad), end) & rti_vle(views.from, rti_vset(beam.farthest));
-                RTI_UNROLL
-                for (a = 0; a < 2; a++) {
-                    in &= rti_vle(views.low[a], rti_vset(f->high[a])) & rti_vle(rti_vset(f->low[a]), views.high[a]);
-                    rti_vstore(lows[a] + i, views.low[a]);
-                    rti_vstore(highs[a] + i, views.high[a]);
-                }
-                rti_vstore(from + i, views.from);
-                hit |= in << i;
-            }
-#if RTI_STATS
-            if (flags & RTI_WALK_COUNT) {
-                const uint64_t rays = rti_count_list(g, list);
-                job->stats->steps++;
-                job->stats->nodes += rays;
-                job->stats->active += rays;
-                job->stats->boxes += rays * (uint64_t)rti_bit_count(hit);
-                job->stats->frusta += RTI_CHILDREN;
-                job->stats->culled += (uint64_t)(RTI_CHILDREN - rti_bit_count(hit));
-            }
-#endif
-            for (; hit; hit &= hit - 1) {
-                const float low[2] = { lows[0][i = rti_lowest_bit(hit)], lows[1][i] }, high[2] = { highs[0][i], highs[1][i] };
-                const uint64_t met = rti_beam_meets(&beam, list, low, high, from[i]);
-                int at = top;
-                if (!met) continue;
-                for (; at > base && stack[at - 1].from < from[i]; at--) stack[at] = stack[at - 1];
-                stack[at].list = met;
-                stack[at].from = from[i];
-                stack[at].index = node->index[i];
-                stack[at].count = node->count[i];
-                top++;
-                RTI_TALLY(job->stats, flags, pushes, 1);
-            }
-            goto pop;
-        }
-        {
-            const uint32_t kind = count >> RTI_KIND_SHIFT, n = count & RTI_COUNT_MASK;
-#if RTI_STATS
-            if (flags & RTI_WALK_COUNT) {
-                const uint64_t rays = rti_count_list(g, list);
-                job->stats->steps++;
-                job->stats->leaves += rays;
-                job->stats->active += rays;
-            }
-#endif
-            if (kind == RTI_TRIANGLE) {
-                rti_octet gathered;
-                const rti_octet *octet = &gathered;
-                if (accel->octets) octet = accel->octets + index;
-                else rti_gather_octet(accel, index, n, &gathered);
-                rti_beam_octet(accel, g, &beam, octet, n, accel->octets ? RTI_CHILDREN * index : index, list, inst, job);
-            }
-#if RTI_SPHERES || RTI_INSTANCES
-            else rti_beam_others(accel, g, &beam, kind, index, n, list, inst, job);
-#endif
-            if (!g->open) return;           /* with RT_ANY, where nothing waits */
-        }
-pop:
-        do {
-            if (!top) {
-                for (i = 0; i < g->count && beam.waiting; i++) rti_beam_settle(accel, g, &beam, i, RTI_ALL_LANES, inst);
-                return;
-            }
-            top--;
-            list = rti_beam_reaches(&beam, stack[top].list, stack[top].from);
-        } while (!list);
-        index = stack[top].index;
-        count = stack[top].count;
-    }
-}
-
-RTI_NOINLINE RTI_TARGET void rti_walk_beam(const rt_accel *accel, rti_large *g, uint32_t inst, const rti_job *job)
-{
-#if RTI_STATS
-    if (job->stats) {
-        rti_beam_body(accel, g, inst, RTI_WALK_COUNT, job);
-        return;
-    }
-#endif
-    rti_beam_body(accel, g, inst, 0, job);
-}
-
 /* Lanes that are not live get the org, dir and rdir of one that is, so that what bounds all rays need not leave them out, and no interval. False:
    none is live. */
 RTI_FN bool rti_close_lanes(rti_large *g)
@@ -12209,10 +11933,6 @@ RTI_NOINLINE RTI_TARGET void rti_large_walk(const rt_accel *accel, rti_large *g,
 #endif
     if (!accel->node_count) return;
     rti_make_frustum(accel, g, job->cull);
-    if (job->wide && accel->wides && g->cull && g->frustum.sway >= 0 && g->frustum.reach >= 1e-8f && g->count <= RTI_BEAM) {
-        rti_walk_beam(accel, g, inst, job);
-        return;
-    }
     for (i = 0; i < g->count; i++) g->order[i] = (unsigned char)i;
 #if RTI_STATS
     if (job->stats) {
@@ -12225,6 +11945,412 @@ RTI_NOINLINE RTI_TARGET void rti_large_walk(const rt_accel *accel, rti_large *g,
 }
 
 #endif /* RTI_WIDTH > 1 */
+
+/* ---- >>crowds -------------------------------------------------------------------------------------------------------- */
+
+#if RTI_WIDTH > 1
+
+/* Packets of RT_BVH_WIDE: up to 256 rays. 8 children are asked with what bounds all rays, see rti_interval, then a child that is left with what
+   bounds each of 8 SIMD rays; so are the triangles of a leaf. One SIMD ray that is alone goes on as such. (After Boulos, Wald and Shirley:
+   Geometric and Arithmetic Culling Methods for Entire Ray Packets, 2006.)
+   A crowd is of one octant, and of SIMD rays that are much smaller than all: one half of whose rays start on the table and half on the floor,
+   or of rays that nothing holds together, would be asked about everything between. Such SIMD rays go by themselves. */
+
+#define RTI_CROWD (256 / RTI_WIDTH)         /* SIMD rays, at most 64: a set of them is a uint64_t */
+#define RTI_CROWDED 1.4f                    /* how much larger one may be than its share of the packet's width */
+
+typedef struct {
+    rti_packet *rays;
+    uint64_t list;                          /* those of the crowd */
+    int open;                               /* and how many of them still need hits */
+    const int *side;                        /* of all */
+    float near_org[3][RTI_CROWD], far_org[3][RTI_CROWD], least[3][RTI_CROWD], most[3][RTI_CROWD];       /* of each: its interval; */
+    float tmin[RTI_CROWD], t[RTI_CROWD];    /* from where to where it needs hits */
+    rti_interval all;
+    float farthest;
+} rti_crowd;
+
+RTI_FN int rti_lowest_of(uint64_t bits)
+{
+#if defined(__GNUC__) || defined(__clang__)
+    return __builtin_ctzll(bits);
+#else
+    return (uint32_t)bits ? rti_lowest_bit((uint32_t)bits) : 32 + rti_lowest_bit((uint32_t)(bits >> 32));
+#endif
+}
+
+/* Rays of list that need hits. */
+RTI_FN uint64_t rti_count_list(const rti_packet *rays, uint64_t list)
+{
+    uint64_t n = 0;
+    for (; list; list &= list - 1) n += (uint64_t)rti_bit_count(rays[rti_lowest_of(list)].live);
+    return n;
+}
+
+/* Makes one of those of list, of the octant of side, that are much smaller than all. */
+RTI_FN void rti_make_crowd(rti_crowd *c, rti_packet *rays, uint64_t list, const int *side, const float part)
+{
+    float org[3][2], rdir[3][2], tmin = RTI_INFINITY, pad = 0, far_apart = 0, astray = 0;
+    uint64_t left;
+    int i, k;
+    c->rays = rays;
+    c->side = side;
+    c->farthest = -RTI_INFINITY;
+    for (k = 0; k < 3; k++) {
+        org[k][0] = rdir[k][0] = RTI_INFINITY;
+        org[k][1] = rdir[k][1] = -RTI_INFINITY;
+    }
+    for (i = 0; i < RTI_CROWD; i++) {
+        c->tmin[i] = RTI_INFINITY;
+        c->t[i] = -RTI_INFINITY;
+    }
+    for (left = list; left; left &= left - 1) {
+        const rti_packet *p = &rays[i = rti_lowest_of(left)];
+        const rti_v none = rti_vset(-RTI_INFINITY);
+        c->tmin[i] = rti_vleast(rti_vselect(p->live, rti_vload(p->tmin), rti_vset(RTI_INFINITY)));
+        c->t[i] = rti_vmost(rti_vselect(p->live, rti_vload(p->t), none));
+        pad = rti_maxf(pad, rti_vmost(rti_vselect(p->live, rti_vload(p->pad), none)));
+        tmin = c->tmin[i] < tmin ? c->tmin[i] : tmin;
+        c->farthest = rti_maxf(c->farthest, c->t[i]);
+        RTI_UNROLL
+        for (k = 0; k < 3; k++) {
+            float o[2], r[2];
+            rti_bound_lanes(p, p->live, k, o, r);
+            c->near_org[k][i] = o[1 - side[k]];
+            c->far_org[k][i] = o[side[k]];
+            c->least[k][i] = r[0];
+            c->most[k][i] = r[1];
+            org[k][0] = o[0] < org[k][0] ? o[0] : org[k][0];
+            org[k][1] = rti_maxf(o[1], org[k][1]);
+            rdir[k][0] = r[0] < rdir[k][0] ? r[0] : rdir[k][0];
+            rdir[k][1] = rti_maxf(r[1], rdir[k][1]);
+        }
+    }
+    c->all.tmin = rti_vset(tmin);
+    RTI_UNROLL
+    for (k = 0; k < 3; k++) {
+        c->all.near_org[k] = rti_vset(org[k][1 - side[k]]);
+        c->all.far_org[k] = rti_vset(org[k][side[k]]);
+        c->all.least[k] = rti_vset(rdir[k][0]);
+        c->all.most[k] = rti_vset(rdir[k][1]);
+        far_apart = rti_maxf(far_apart, org[k][1] - org[k][0]);
+        astray = rti_maxf(astray, 1 / rdir[k][0] - 1 / rdir[k][1]);
+    }
+    far_apart = part * far_apart + 4 * pad;
+    astray *= part;
+    c->list = list;
+    for (i = 0; i < RTI_CROWD; i += RTI_WIDTH) {
+        const rti_v one = rti_vset(1);
+        unsigned small = RTI_ALL_LANES;
+        if (!(list >> i & RTI_ALL_LANES)) continue;
+        RTI_UNROLL
+        for (k = 0; k < 3; k++) {
+            small &= rti_vle(rti_vabs(rti_vsub(rti_vload(c->near_org[k] + i), rti_vload(c->far_org[k] + i))), rti_vset(far_apart));
+            small &= rti_vle(rti_vsub(rti_vdiv(one, rti_vload(c->least[k] + i)), rti_vdiv(one, rti_vload(c->most[k] + i))), rti_vset(astray));
+        }
+        c->list &= ~((uint64_t)(RTI_ALL_LANES & ~small) << i);
+    }
+    c->open = 0;
+    for (left = c->list; left; left &= left - 1) c->open++;
+}
+
+/* The child of a node, in all lanes. */
+RTI_FN void rti_crowd_box(const rti_crowd *c, const rti_wide *node, int child, rti_v near[3], rti_v far[3])
+{
+    int k;
+    RTI_UNROLL
+    for (k = 0; k < 3; k++) {
+        near[k] = rti_vset(node->bounds[3 * c->side[k] + k][child]);
+        far[k] = rti_vset(node->bounds[3 - 3 * c->side[k] + k][child]);
+    }
+}
+
+/* Those of list that may meet a box. */
+RTI_FN uint64_t rti_crowd_meets(const rti_crowd *c, uint64_t list, const rti_v near[3], const rti_v far[3])
+{
+    uint64_t met = 0;
+    int i, k;
+    for (i = 0; i < RTI_CROWD; i += RTI_WIDTH) {
+        rti_interval r;
+        rti_v enter;
+        if (!(list >> i & RTI_ALL_LANES)) continue;
+        RTI_UNROLL
+        for (k = 0; k < 3; k++) {
+            r.near_org[k] = rti_vload(c->near_org[k] + i);
+            r.far_org[k] = rti_vload(c->far_org[k] + i);
+            r.least[k] = rti_vload(c->least[k] + i);
+            r.most[k] = rti_vload(c->most[k] + i);
+        }
+        r.tmin = rti_vload(c->tmin + i);
+        met |= (uint64_t)rti_cross_interval(&r, near, far, rti_vload(c->t + i), &enter) << i;
+    }
+    return met & list;
+}
+
+/* Notes what a SIMD ray has hit; with RT_ANY those lanes are done. */
+RTI_FN void rti_crowd_note(rti_crowd *c, int i, unsigned hit, const bool any)
+{
+    rti_packet *p = &c->rays[i];
+    if (!hit) return;
+    p->found |= hit;
+    if (any) {
+        p->live &= ~hit;
+        if (p->live) return;
+        c->open--;
+    }
+    c->t[i] = rti_vmost(rti_vselect(p->live, rti_vload(p->t), rti_vset(-RTI_INFINITY)));
+}
+
+RTI_FN void rti_crowd_octet(rti_crowd *c, uint64_t list, const rti_octet *octet, uint32_t count, uint32_t inst, const bool any, const rti_job *job)
+{
+    uint32_t at;
+    (void)job;
+    for (at = 0; at < RTI_CHILDREN && at < count; at += RTI_WIDTH) {
+        float nears[3][RTI_WIDTH], fars[3][RTI_WIDTH];
+        rti_v near[3], far[3], enter;
+        unsigned kept;
+        int k;
+        RTI_UNROLL
+        for (k = 0; k < 3; k++) {
+            const rti_v x = rti_vload(octet->v[k] + at), y = rti_vload(octet->v[3 + k] + at), z = rti_vload(octet->v[6 + k] + at);
+            const rti_v low = rti_vmin(rti_vmin(x, y), z), high = rti_vmax(rti_vmax(x, y), z);
+            near[k] = c->side[k] ? high : low;
+            far[k] = c->side[k] ? low : high;
+            rti_vstore(nears[k], near[k]);
+            rti_vstore(fars[k], far[k]);
+        }
+        kept = rti_cross_interval(&c->all, near, far, rti_vset(c->farthest), &enter);
+        if (at + RTI_WIDTH > count) kept &= (1u << (count - at)) - 1;
+        for (; kept; kept &= kept - 1) {
+            const int lane = rti_lowest_bit(kept);
+            const uint32_t j = at + (uint32_t)lane;
+            uint64_t asked;
+            RTI_UNROLL
+            for (k = 0; k < 3; k++) {
+                near[k] = rti_vset(nears[k][lane]);
+                far[k] = rti_vset(fars[k][lane]);
+            }
+            for (asked = rti_crowd_meets(c, list, near, far); asked; asked &= asked - 1) {
+                const int i = rti_lowest_of(asked);
+                rti_packet *p = &c->rays[i];
+                unsigned hit = 0;
+                int kz;
+                RTI_TALLY(job->stats, RTI_COUNTS(job) ? RTI_WALK_COUNT : 0, prims, rti_bit_count(p->live));
+                for (kz = p->first_axis; kz <= p->last_axis; kz++) {
+                    const unsigned lanes = p->live & p->axis[kz];
+                    rti_shear shear;
+                    if (!lanes) continue;
+                    shear = rti_make_shear(p, kz);
+                    hit |= rti_hit_triangle(p, &shear, lanes, octet->v[0] + j, RTI_CHILDREN, octet->prim[j], inst, any ? RTI_WALK_ANY : 0);
+                }
+                rti_crowd_note(c, i, hit, any);
+            }
+        }
+    }
+}
+
+RTI_NOINLINE RTI_TARGET void rti_walk_crowd(const rt_accel *accel, rti_packet *rays, int count, uint32_t inst, const rti_job *job);
+
+#if RTI_SPHERES || RTI_INSTANCES
+/* The spheres or instances of a leaf, which are dear: each ray is asked for its box first. Rays of a crowd go through an instance together. */
+RTI_NOINLINE RTI_TARGET void rti_crowd_others(const rt_accel *accel, rti_crowd *c, uint64_t list, uint32_t kind, uint32_t first, uint32_t count,
+                                              const rti_v near[3], const rti_v far[3], uint32_t inst, const rti_job *job)
+{
+    const bool any = job->query == RT_ANY;
+    uint64_t left;
+    (void)kind;
+#if RTI_SPHERES
+    for (left = kind == RTI_SPHERE ? list : 0; left; left &= left - 1) {
+        const int i = rti_lowest_of(left);
+        rti_packet *p = &c->rays[i];
+        const unsigned lanes = p->live & rti_meet_lanes(p, near, far);
+        RTI_TALLY(job->stats, RTI_COUNTS(job) ? RTI_WALK_COUNT : 0, prims, count * (uint32_t)rti_bit_count(lanes));
+        if (lanes) rti_crowd_note(c, i, rti_hit_spheres(accel, p, lanes, NULL, first, count, inst, any ? RTI_WALK_ANY : 0), any);
+    }
+#endif
+#if RTI_INSTANCES
+    for (count = kind == RTI_INSTANCE ? count : 0; count; count--, first++) {
+        const rti_instance *in = &accel->instances[first];
+        rti_packet inner[RTI_CROWD];
+        unsigned char from[RTI_CROWD];
+        int n = 0, i;
+        for (left = list; left; left &= left - 1) {
+            rti_packet *p = &c->rays[i = rti_lowest_of(left)], *q = &inner[n];
+            const unsigned lanes = p->live & rti_meet_lanes(p, near, far);
+            RTI_TALLY(job->stats, RTI_COUNTS(job) ? RTI_WALK_COUNT : 0, prims, rti_bit_count(lanes));
+            q->live = lanes ? rti_enter_instance(in, in->accel, p, lanes, q, false) : 0;
+            q->found = 0;
+            if (q->live) from[n++] = (unsigned char)i;
+        }
+        rti_walk_crowd(in->accel, inner, n, inst + 1 + in->base, job);
+        for (i = 0; i < n; i++) {
+            if (!any) rti_leave_instance(&c->rays[from[i]], &inner[i], inner[i].found);
+            rti_crowd_note(c, from[i], inner[i].found, any);
+        }
+    }
+#endif
+}
+#endif
+
+/* A SIMD ray goes on alone. */
+RTI_FN void rti_crowd_part(const rt_accel *accel, rti_crowd *c, int i, uint32_t index, uint32_t inst, const bool any, const rti_job *job)
+{
+    rti_packet *p = &c->rays[i];
+    rti_interval r;
+    int k;
+    r.tmin = rti_vset(c->tmin[i]);
+    RTI_UNROLL
+    for (k = 0; k < 3; k++) {
+        r.near_org[k] = rti_vset(c->near_org[k][i]);
+        r.far_org[k] = rti_vset(c->far_org[k][i]);
+        r.least[k] = rti_vset(c->least[k][i]);
+        r.most[k] = rti_vset(c->most[k][i]);
+    }
+    rti_crowd_note(c, i, any ? rti_sheaf_any(accel, p, p->live, &r, index, inst, job) : rti_sheaf_closest(accel, p, p->live, &r, index, inst, job),
+                   any);
+}
+
+/* From near to far: what waits lies on a stack, with the SIMD rays that met its parent. */
+RTI_FN void rti_crowd_body(const rt_accel *accel, rti_crowd *c, uint32_t inst, const bool any, const rti_job *job)
+{
+    struct { uint64_t list; const rti_wide *node; float enter; int child; } stack[RTI_WIDE_STACK];
+    uint64_t list = c->list;
+    uint32_t index = 0;
+    int top = 0, k;
+    for (;;) {
+        const rti_wide *node = accel->wides + index;
+        const int base = top;
+        float enter[RTI_CHILDREN];
+        rti_v near[3], far[3], first;
+        unsigned hit = 0;
+        int i;
+        for (i = 0; i < RTI_CHILDREN; i += RTI_WIDTH) {
+            RTI_UNROLL
+            for (k = 0; k < 3; k++) {
+                near[k] = rti_vload(node->bounds[3 * c->side[k] + k] + i);
+                far[k] = rti_vload(node->bounds[3 - 3 * c->side[k] + k] + i);
+            }
+            hit |= rti_cross_interval(&c->all, near, far, rti_vset(c->farthest), &first) << i;
+            rti_vstore(enter + i, first);
+        }
+#if RTI_STATS
+        if (job->stats) {
+            const uint64_t rays = rti_count_list(c->rays, list);
+            job->stats->steps++;
+            job->stats->nodes += rays;
+            job->stats->active += rays;
+            job->stats->frusta += RTI_CHILDREN;
+            job->stats->culled += (uint64_t)(RTI_CHILDREN - rti_bit_count(hit));
+            job->stats->pushes += (uint64_t)rti_bit_count(hit);
+        }
+#endif
+        for (; hit; hit &= hit - 1) {
+            const int next = rti_lowest_bit(hit);
+            int at = top++;
+            for (; at > base && stack[at - 1].enter < enter[next]; at--) stack[at] = stack[at - 1];
+            stack[at].list = list;
+            stack[at].node = node;
+            stack[at].enter = enter[next];
+            stack[at].child = next;
+        }
+        for (;;) {
+            uint64_t some;
+            uint32_t count, n;
+            if (!top) return;
+            node = stack[--top].node;
+            i = stack[top].child;
+            rti_crowd_box(c, node, i, near, far);
+            list = rti_crowd_meets(c, stack[top].list, near, far);
+            if (!list) continue;
+            index = node->index[i];
+            count = node->count[i];
+            n = count & RTI_COUNT_MASK;
+            some = list & (list - 1);
+            if (!count && some & (some - 1)) break;         /* one or two SIMD rays go on alone */
+#if RTI_STATS
+            if (job->stats && count) {
+                const uint64_t rays = rti_count_list(c->rays, list);
+                job->stats->steps++;
+                job->stats->leaves += rays;
+                job->stats->active += rays;
+            }
+#endif
+            if (!count)
+                for (; list; list &= list - 1) rti_crowd_part(accel, c, rti_lowest_of(list), index, inst, any, job);
+            else if (count >> RTI_KIND_SHIFT == RTI_TRIANGLE) {
+                rti_octet gathered;
+                const rti_octet *octet = &gathered;
+                if (accel->octets) octet = accel->octets + index;
+                else rti_gather_octet(accel, index, n, &gathered);
+                rti_crowd_octet(c, list, octet, n, inst, any, job);
+            }
+#if RTI_SPHERES || RTI_INSTANCES
+            else rti_crowd_others(accel, c, list, count >> RTI_KIND_SHIFT, index, n, near, far, inst, job);
+#endif
+            if (any && !c->open) return;
+        }
+    }
+}
+
+RTI_NOINLINE RTI_TARGET void rti_crowd_closest(const rt_accel *accel, rti_crowd *c, uint32_t inst, const rti_job *job)
+{
+    rti_crowd_body(accel, c, inst, false, job);
+}
+
+RTI_NOINLINE RTI_TARGET void rti_crowd_any(const rt_accel *accel, rti_crowd *c, uint32_t inst, const rti_job *job)
+{
+    rti_crowd_body(accel, c, inst, true, job);
+}
+
+/* SIMD rays, prepared, with live and found set. */
+RTI_NOINLINE RTI_TARGET void rti_walk_crowd(const rt_accel *accel, rti_packet *rays, int count, uint32_t inst, const rti_job *job)
+{
+    const bool any = job->query == RT_ANY;
+    uint64_t left = 0, alone = 0, list;
+    int i;
+    for (i = 0; i < count; i++) {
+        if (!rays[i].live) continue;
+#if RTI_PLANES
+        if (RTI_UNLIKELY(accel->plane_count)) {
+            const unsigned found = rti_hit_planes(accel, &rays[i], rays[i].live, inst, job);
+            rays[i].found |= found;
+            if (any) rays[i].live &= ~found;
+        }
+#endif
+        if (rays[i].live) left |= (uint64_t)1 << i;
+    }
+    if (!job->wide || !accel->node_count || accel->structure != RT_BVH || !accel->wides) {
+        alone = left;
+        left = 0;
+    }
+    while (left) {
+        const rti_packet *p = &rays[i = rti_lowest_of(left)];
+        rti_crowd c;
+        for (list = 0; i < count; i++) {
+            const rti_packet *q = &rays[i];
+            if (left >> i & 1 && q->uniform && q->side[0] == p->side[0] && q->side[1] == p->side[1] && q->side[2] == p->side[2]) list |= (uint64_t)1 << i;
+        }
+        if (!p->uniform || !(list & (list - 1))) {
+            alone |= left & (~left + 1);
+            left &= left - 1;
+            continue;
+        }
+        left &= ~list;
+        rti_make_crowd(&c, rays, list, p->side, (float)(RTI_CROWDED * RTI_PACKET_COLUMNS(RTI_WIDTH)) / (float)job->side);
+        if (!(c.list & (c.list - 1))) c.list = 0;
+        alone |= list & ~c.list;
+        if (!c.list) continue;
+        if (any) rti_crowd_any(accel, &c, inst, job);
+        else rti_crowd_closest(accel, &c, inst, job);
+    }
+    for (; alone; alone &= alone - 1) {
+        rti_packet *p = &rays[rti_lowest_of(alone)];
+        p->found |= rti_walk_tree(accel, p, p->live, inst, job);
+    }
+}
+
+#endif /* RTI_WIDTH > 1 */
+
 
 /* ---- >>batch -------------------------------------------------------------------------------------------------------- */
 
@@ -12503,11 +12629,36 @@ RTI_NOINLINE RTI_TARGET void rti_batch_largest(const rt_accel *accel, const rti_
     rti_batch_packets(accel, job, rays, 0, count, count, hits, packets);
 }
 
-/* RT_AUTO on a BVH. [Overbeck] Table 1 has Ranged with culling for rays that stay together; here SIMD rays are faster than Partition for
-   those that soon part, and for those that have nothing in common single rays and wide nodes. Which they are is found by trying: now and then
-   a packet of 16 x 16 goes each of these ways, by the clock, and the others as it was faster. Counts of nodes, boxes and triangles
-   foretell the time within 40 % only, since coherence is in the branches too. Hits do not tell how they were found; rt_stats would, so with
-   them, as without a clock, large packets are taken for closest hits and SIMD rays for any. */
+/* RT_BVH_WIDE in packets of side x side, and RT_AUTO where there are wide nodes. */
+RTI_NOINLINE RTI_TARGET void rti_batch_crowds(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
+{
+    const size_t size = (size_t)job->side * (size_t)job->side;
+    rti_packet packets[RTI_CROWD];
+    size_t first;
+    for (first = 0; first < count; first += size) {
+        const int n = count - first < size ? (int)(count - first) : (int)size;
+        int groups = 0, i;
+        for (i = 0; i < n; i += RTI_WIDTH, groups++) {
+            rti_packet *p = &packets[groups];
+            p->live = rti_prepare(accel, p, rti_take_rays(accel, job, rays, first + (size_t)i, n - i < RTI_WIDTH ? n - i : RTI_WIDTH, p), false);
+            p->found = 0;
+#if RTI_STATS
+            if (job->stats) job->stats->rays += (uint64_t)rti_bit_count(p->live);
+#endif
+        }
+        if (!rti_is_empty(accel)) rti_walk_crowd(accel, packets, groups, RT_NONE, job);
+        for (i = groups = 0; i < n; i += RTI_WIDTH, groups++) {
+            const size_t at = first + (size_t)i;
+            if (at + 3 * size < count && !job->from) rti_fetch(rays + at + 2 * size, hits + at + size);
+            rti_give_hits(job, &packets[groups], packets[groups].found, hits, at, n - i < RTI_WIDTH ? n - i : RTI_WIDTH);
+        }
+    }
+}
+
+/* RT_AUTO on a BVH without wide nodes. [Overbeck] Table 1 has Ranged with culling for rays that stay together; here SIMD rays are faster than
+   Partition for others. Which they are is found by trying: now and then a packet of 16 x 16 goes each way, by the clock, and the others as
+   it was faster. Counts of nodes, boxes and triangles foretell the time within 40 % only, since coherence is in the branches too. Hits do not
+   tell how they were found; rt_stats would, so with them, as without a clock, large packets are taken for closest hits and SIMD rays for any. */
 RTI_NOINLINE RTI_TARGET void rti_batch_auto(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
 {
     const bool timed = rti_ticks() && !job->stats;
@@ -12522,17 +12673,16 @@ RTI_NOINLINE RTI_TARGET void rti_batch_auto(const rt_accel *accel, const rti_job
     for (first = 0; first < count; first = last) {
         const size_t left = count - first, most = !timed ? left : tuner->rest ? (size_t)tuner->rest * RTI_AUTO_RAYS : RTI_AUTO_RAYS;
         const bool few = left < RTI_AUTO_RAYS / 4, trial = timed && !tuner->rest && !few;       /* few: they cannot stay together */
-        int way = job->query == RT_CLOSEST && !few ? RTI_BY_BEAM : RTI_BY_SIMD;
+        int way = job->query == RT_CLOSEST && !few ? RTI_BY_RANGED : RTI_BY_SIMD;
         uint64_t start = 0;
         if (trial) {
             way = tuner->next;
             start = rti_ticks();
-        } else if (timed && !few) way = rti_fastest_way(tuner);
+        } else if (timed && !few) way = rti_faster_way(tuner);
         last = left < most ? count : first + most;
-        part.wide = way == RTI_BY_BEAM || way == RTI_BY_WIDE;
-        if (way == RTI_BY_BEAM || way == RTI_BY_RANGED) rti_batch_packets(accel, &part, rays, first, last, count, hits, packets);
+        if (way == RTI_BY_RANGED) rti_batch_packets(accel, &part, rays, first, last, count, hits, packets);
         else rti_batch_run(accel, &part, rays, first, last, hits);
-        if (trial) rti_learn(tuner, accel->wides != NULL, (float)(rti_ticks() - start) / (float)(last - first));
+        if (trial) rti_learn(tuner, (float)(rti_ticks() - start) / (float)(last - first));
         else if (timed && !few) tuner->rest -= (unsigned)((last - first + RTI_AUTO_RAYS - 1) / RTI_AUTO_RAYS);
     }
 }
@@ -13155,6 +13305,30 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec
 #undef rti_walk_wide
 #undef rti_probe
 #undef rti_make_probe
+#undef rti_wide_from
+#undef rti_interval
+#undef rti_bound_lanes
+#undef rti_make_interval
+#undef rti_cross_interval
+#undef rti_meet_lanes
+#undef rti_sheaf_octet
+#undef rti_sheaf_body
+#undef rti_sheaf_closest
+#undef rti_sheaf_any
+#undef rti_crowd
+#undef rti_make_crowd
+#undef rti_crowd_part
+#undef rti_crowd_box
+#undef rti_crowd_meets
+#undef rti_crowd_note
+#undef rti_crowd_octet
+#undef rti_crowd_others
+#undef rti_crowd_body
+#undef rti_crowd_closest
+#undef rti_crowd_any
+#undef rti_walk_crowd
+#undef rti_count_list
+#undef rti_batch_crowds
 #undef rti_probe_children
 #undef rti_hit_octet
 #undef rti_gather_octet
@@ -13221,23 +13395,7 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec
 #undef rti_vfma
 #undef rti_vquad
 #undef rti_vapart
-#undef rti_beam
-#undef rti_views
-#undef rti_view
-#undef rti_set_window
-#undef rti_make_beam
-#undef rti_count_list
-#undef rti_beam_others
-#undef rti_beam_crosses
-#undef rti_beam_edges
-#undef rti_set_reach_of
-#undef rti_beam_settle
-#undef rti_beam_meets
-#undef rti_beam_reaches
 #undef rti_lowest_of
-#undef rti_beam_octet
-#undef rti_beam_body
-#undef rti_walk_beam
 #undef rti_vleast
 #undef rti_vmost
 #undef rti_large
