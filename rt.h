@@ -64,7 +64,7 @@
      reference, twice at the top of the tree, and a lane of 1 MiB (208 KiB times opt->max_duplication), or 16 with a parallel_for. All is
      released before rt_build returns; rt_get_info tells what an accel holds. Stack: 2 KiB for a single ray, 7 KiB by wide nodes, 9 KiB for
      a packet of 4 or 8, and as much again for each level of instances; large packets 46 KiB up to 16 x 16 rays, 166 KiB with 32 x 32, and
-     44 KiB for each level of instances, each time 24 KiB more by wide nodes. Of a packet of 16 x 16, tests of boxes and edges read 8 KiB
+     44 KiB for each level of instances; by wide nodes 72 KiB, and 56 KiB for each level. Of a packet of 16 x 16, tests of boxes and edges read 8 KiB
      and all tests together 20 KiB: that stays in a first-level cache of 32 KiB. Of one of 32 x 32 only the former do, with 33 KiB, in one
      of 48.
 
@@ -100,6 +100,7 @@
      [Meister]   Meister, Bittner: Parallel Reinsertion for Bounding Volume Hierarchy Optimization, 2018
      [Woop]      Woop, Benthin, Wald: Watertight Ray/Triangle Intersection, JCGT 2013
      [Ize]       Ize: Robust BVH Ray Traversal, JCGT 2013
+     [Boulos]    Boulos, Wald, Shirley: Geometric and Arithmetic Culling Methods for Entire Ray Packets, 2006
      [Dammertz]  Dammertz, Hanika, Keller: Shallow Bounding Volume Hierarchies for Fast SIMD Ray Tracing of Incoherent Rays, 2008
      [Haines]    Haines, Guenther, Akenine-Moller: Precision Improvements for Ray/Sphere Intersection, Ray Tracing Gems 2019  */
 
@@ -256,8 +257,8 @@ typedef struct {
                                                more) octants of directions: near nodes come first; 1 is [Lohr]'s. 0 = the fastest measured */
     float throw_back;                       /* RT_THREADED: a node whose surface is above so much of its parent's gives its children to
                                                its parent ([Lohr] 4: pathological ones are thrown back); 0 = the best measured, negative: none */
-    bool no_wide;                           /* RT_BVH: leave out what only RT_BVH_WIDE reads, and single rays of RT_AUTO, which then take
-                                               RT_BVH_STACK */
+    bool no_wide;                           /* RT_BVH: leave out what only RT_BVH_WIDE reads. RT_AUTO, which takes that, then takes RT_BVH_STACK
+                                               for single rays, and for many RT_BVH_RANGED or RT_BVH_SIMD, as they prove faster */
     bool no_backtrack;                      /* RT_KDTREE: leave out the parent links and boxes that only RT_KD_BACKTRACK reads */
     rt_parallel_for parallel_for;           /* NULL: build on this thread. The tree is the same, bit for bit */
     void *parallel_user;
@@ -370,7 +371,7 @@ typedef struct {
     uint64_t restarts;                      /* k-d tree restarts */
     uint64_t pushes, drops;                 /* stack entries pushed, and lost from a full short stack */
     uint64_t steps, active;                 /* packet node visits, and live rays summed over them: active / steps a visit */
-    uint64_t frusta, culled;                /* boxes and triangles tested against the frustum of a large packet, and those thrown out */
+    uint64_t frusta, culled;                /* boxes and triangles tested against what bounds a packet, and those thrown out */
     uint64_t boxes_at[RT_DEPTHS], prims_at[RT_DEPTHS];      /* large packets, but of RT_BVH_WIDE: boxes and prims by the depth of their node */
 } rt_stats;
 #endif
@@ -380,9 +381,9 @@ typedef struct {
     rt_algorithm algorithm;                 /* RT_AUTO */
     int packet_width;                       /* 0 = the default; else one of rt_packet_widths. SIMD rays and k-d trees: 1 = single rays,
                                                2 = 2x2, 8 = 8 rays, 0 = the widest. RT_BVH_WIDE: 4, 8 or 16 rays a side, 0 and 1
-                                               = single rays. Large packets: 4, 8, 16 or 32 rays a side, 0 = 16.
+                                               = single rays; RT_AUTO takes 16. Large packets: 4, 8, 16 or 32 rays a side, 0 = 16.
                                                RT_THREADED_PARALLEL: 2, 4, 8 or 16 rays together, 0 = 8 */
-    rt_cull cull;                           /* of large packets; RT_AUTO decides itself */
+    rt_cull cull;                           /* of large packets but those of RT_BVH_WIDE; RT_AUTO decides itself */
     rt_query query;                         /* RT_CLOSEST */
     int short_stack;                        /* RT_KD_SHORTSTACK: entries, 1 to RT_MAX_SHORT_STACK; 0 = 3, as in [Horn] */
     const float *times;                     /* one a ray in [0,1], for moving instances; NULL = 0. What lies outside counts as the
@@ -10922,7 +10923,7 @@ RTI_FN unsigned rti_wide_from(const rt_accel *accel, rti_packet *p, unsigned liv
 }
 
 
-/* Packets of RT_BVH_WIDE: the SIMD ray. Its rays go together while enough of them meet the same boxes, and then on by themselves. What bounds
+/* Packets of RT_BVH_WIDE: the SIMD ray. Its rays go together while more than two of them meet a box, and then on by themselves. What bounds
    them is intervals of origins and inverse directions: between which t rays of the same octant cross a plane is told by the four products of
    their ends. So 8 children, or triangles, are asked at once, and then one child with all rays. Rounding is monotonic, so no box is missed
    that rti_prepare's planes of one ray would meet. */
@@ -11951,8 +11952,7 @@ RTI_NOINLINE RTI_TARGET void rti_large_walk(const rt_accel *accel, rti_large *g,
 #if RTI_WIDTH > 1
 
 /* Packets of RT_BVH_WIDE: up to 256 rays. 8 children are asked with what bounds all rays, see rti_interval, then a child that is left with what
-   bounds each of 8 SIMD rays; so are the triangles of a leaf. One SIMD ray that is alone goes on as such. (After Boulos, Wald and Shirley:
-   Geometric and Arithmetic Culling Methods for Entire Ray Packets, 2006.)
+   bounds each of 8 SIMD rays; so are the triangles of a leaf ([Boulos] 4). One or two SIMD rays that are left go on as such.
    A crowd is of one octant, and of SIMD rays that are much smaller than all: one half of whose rays start on the table and half on the floor,
    or of rays that nothing holds together, would be asked about everything between. Such SIMD rays go by themselves. */
 
@@ -12260,6 +12260,7 @@ RTI_FN void rti_crowd_body(const rt_accel *accel, rti_crowd *c, uint32_t inst, c
             node = stack[--top].node;
             i = stack[top].child;
             rti_crowd_box(c, node, i, near, far);
+            RTI_TALLY(job->stats, RTI_COUNTS(job) ? RTI_WALK_COUNT : 0, boxes, rti_count_list(c->rays, stack[top].list));
             list = rti_crowd_meets(c, stack[top].list, near, far);
             if (!list) continue;
             index = node->index[i];

@@ -12,7 +12,8 @@
 #define PEERS_SMALL 512                     /* of tables with many trees, for the time */
 #define PEERS_ROUNDS 5
 #define PEERS_FEW_ROUNDS 3                  /* of builds, after one that warms up, and of tables that take long */
-#define PEERS_SLICE 131072u                 /* rays from one change of turns to the next: some 10 to 50 ms */
+#define PEERS_SLICE 524288u                 /* rays from one change of turns to the next: some 10 to 200 ms, so that to read a tree again, which
+                                               others have driven out of the caches, is a small part of it */
 #define PEERS_TRIAL_BLOCK 1024u             /* the sample: one such block of rays of every PEERS_TRIAL_STEP */
 #define PEERS_TRIAL_STEP 16u
 #define PEERS_TRIALS 2

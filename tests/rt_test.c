@@ -3731,8 +3731,7 @@ static void rtt_test_stats(void)
             rt_trace_options options = rtt_ways[w].options;
             const rt_accel *accel = rtt_accels_for(&accels, &rtt_ways[w]);
             bool boxed = accel == accels.of[RT_BVH], ranged = options.algorithm == RT_BVH_RANGED;
-            bool chosen = options.algorithm == RT_AUTO && !options.packet_width && options.query == RT_CLOSEST && boxed;   /* beams */
-            bool beams = chosen || (options.algorithm == RT_BVH_WIDE && options.packet_width > 1);
+            bool crowds = boxed && (options.algorithm == RT_AUTO ? !options.packet_width : options.algorithm == RT_BVH_WIDE && options.packet_width > 1);
             bool large = ranged || options.algorithm == RT_BVH_MASKED || options.algorithm == RT_BVH_PARTITION;
             uint64_t boxes = 0, prims = 0;
             rt_stats once, twice;
@@ -3741,7 +3740,7 @@ static void rtt_test_stats(void)
             options.stats = &once;
             CHECK_STATUS(rt_trace(accel, &options, rays.ray, rays.count, hits), RT_OK);
             rtt_compare("with stats", rtt_ways[w].label, &rays, hits, want, options.query == RT_ANY, true);
-            if (once.rays != legal || once.prims < hit || once.nodes < hit || once.leaves < hit || (boxed && !ranged && !beams && once.boxes < once.nodes)
+            if (once.rays != legal || once.prims < hit || once.nodes < hit || once.leaves < hit || (boxed && !ranged && !crowds && once.boxes < once.nodes)
                 || (boxed && once.prims > legal * 2101) || once.active < once.steps || (boxed && (once.restarts || once.drops)))
                 rtt_fail("%s: rays %llu nodes %llu boxes %llu prims %llu steps %llu active %llu", rtt_ways[w].label,
                          (unsigned long long)once.rays, (unsigned long long)once.nodes, (unsigned long long)once.boxes,
@@ -3751,7 +3750,7 @@ static void rtt_test_stats(void)
                 prims += once.prims_at[depth];
             }
             CHECK(boxes == (large ? once.boxes : 0) && prims == (large ? once.prims : 0));
-            CHECK(options.cull == RT_CULL_NONE && !beams ? once.frusta == 0 : once.culled > 0 && once.culled < once.frusta);
+            CHECK(options.cull == RT_CULL_NONE && !crowds ? once.frusta == 0 : once.culled > 0 && once.culled < once.frusta);
             twice = once;                   /* a second call adds the same again */
             options.stats = &twice;
             CHECK_STATUS(rt_trace(accel, &options, rays.ray, rays.count, hits), RT_OK);
@@ -4664,8 +4663,8 @@ static void rtt_test_packets(void)
         }
 }
 
-/* Beams, and what auto makes of such rays, against single rays. */
-static void rtt_compare_beams(const char *name, const rt_accel *accel, const rtt_rays *rays)
+/* Packets through wide nodes, and what auto makes of them, against single rays. */
+static void rtt_compare_crowds(const char *name, const rt_accel *accel, const rtt_rays *rays)
 {
     static const int widths[] = { 4, 8, 16, 0 };
     rt_hit *want = (rt_hit *)rtt_array(rays->count, sizeof *want), *got = (rt_hit *)rtt_array(rays->count, sizeof *got);
@@ -4696,7 +4695,7 @@ static void rtt_compare_beams(const char *name, const rt_accel *accel, const rtt
 }
 
 /* A ray without a direction among others, in a scene so small that the inverse of nothing is infinite. */
-static void rtt_test_beams_dead(void)
+static void rtt_test_crowds_dead(void)
 {
     rtt_model model = { 0 };
     rtt_rays rays = { 0 };
@@ -4708,14 +4707,15 @@ static void rtt_test_beams_dead(void)
         rtt_segment(&rays, rtt_origin, i == 7 ? rtt_origin : rtt_v((float)(i % 16) * 0.02f, (float)(i / 16) * 0.02f, 1), 0, INFINITY);
     geometry = rtt_geometry(&model);
     if (CHECK_STATUS(rt_build(&accel, &geometry, NULL), RT_OK))
-        rtt_compare_beams("dead ray", accel, &rays);
+        rtt_compare_crowds("dead ray", accel, &rays);
     rt_free(accel);
     rtt_rays_free(&rays);
     rtt_model_free(&model);
 }
 
-/* Beams against single rays: many small scenes, where rays from or to one point pass along edges and vertices, near each other and not. */
-static void rtt_test_beams(void)
+/* Packets through wide nodes against single rays: many small scenes, where rays from or to one point, or from a surface, pass along edges and
+   vertices, near each other and not; some start far from the others. */
+static void rtt_test_crowds(void)
 {
     rtt_random random = rtt_stream();
 
@@ -4751,6 +4751,8 @@ static void rtt_test_beams(void)
 
             if (to_point)
                 rtt_segment(&rays, target, rtt_sub(point, target), i % 2 ? 1e-4f : 0, i % 3 ? 1 : 1 - 1e-4f);
+            else if (round % 3 == 2)        /* some cross all the others, and some groups lie half here and half there */
+                rtt_segment(&rays, i % 64 == 3 ? point : target, round % 2 && i % 37 ? view : rtt_sub(target, point), round % 7 ? tmin : -1, tmax);
             else
                 rtt_segment(&rays, point, rtt_sub(target, point), tmin, tmax);
         }
@@ -4765,7 +4767,7 @@ static void rtt_test_beams(void)
         options.quality = (rt_quality)(round % 3);
         snprintf(what, sizeof what, "round %d", round);
         if (CHECK_STATUS(rt_build(&accel, &geometry, &options), RT_OK))
-            rtt_compare_beams(what, accel, &rays);
+            rtt_compare_crowds(what, accel, &rays);
         rt_free(accel);
         rtt_rays_free(&rays);
         rtt_model_free(&model);
@@ -10724,8 +10726,8 @@ static const rtt_test rtt_tests[] = {
     { "rays.arrays", rtt_test_arrays },
     { "rays.arrays.errors", rtt_test_arrays_errors },
     { "packets", rtt_test_packets },
-    { "packets.beams", rtt_test_beams },
-    { "packets.dead", rtt_test_beams_dead },
+    { "packets.crowds", rtt_test_crowds },
+    { "packets.dead", rtt_test_crowds_dead },
     { "watertight.shapes", rtt_test_watertight },
     { "watertight.grid", rtt_test_watertight_grid },
     { "watertight.many", rtt_test_watertight_many },
