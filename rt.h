@@ -8801,7 +8801,8 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 /* v: RTI_WIDTH floats; d: RTI_WIDTH doubles; a set of lanes is an unsigned, bit i for lane i. vmin and vmax answer the second operand
    where either is NaN; vfma, a * b + c, may round once or twice: it is not for what must agree. vplane is how far along a ray an
    axis-aligned plane lies; its origin is what vorigin makes of the ray's. vquad repeats four numbers; vapart tells whether, of lanes 0 to
-   3, the least of a is below the greatest of b; vleast and vmost are the least and the greatest lane. Every name gets the pass's suffix, so a profile shows which one ran. */
+   3, the least of a is below the greatest of b; vleast and vmost are the least and the greatest lane,
+   and lane i of vleasts is the least of the i-th. Every name gets the pass's suffix, so a profile shows which one ran. */
 #define RTI_NAME_(name) RTI_PASTE(name, RTI_SUFFIX)
 #define rti_v RTI_NAME_(rti_v)
 #define rti_d RTI_NAME_(rti_d)
@@ -8961,6 +8962,9 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_lowest_of RTI_NAME_(rti_lowest_of)
 #define rti_vapart RTI_NAME_(rti_vapart)
 #define rti_vleast RTI_NAME_(rti_vleast)
+#define rti_vleasts RTI_NAME_(rti_vleasts)
+#define rti_crowd_least RTI_NAME_(rti_crowd_least)
+#define rti_crowd_most RTI_NAME_(rti_crowd_most)
 #define rti_vmost RTI_NAME_(rti_vmost)
 #define rti_large RTI_NAME_(rti_large)
 #define rti_door RTI_NAME_(rti_door)
@@ -9120,6 +9124,7 @@ RTI_FN float rti_vmost(rti_v a)
     for (i = 1; i < RTI_WIDTH; i++) most = a.f[i] > most ? a.f[i] : most;
     return most;
 }
+RTI_FN rti_v rti_vleasts(const rti_v a[RTI_WIDTH]) { RTI_EACH(rti_v, rti_vleast(a[i])); }
 RTI_FN bool rti_vapart(rti_v a, rti_v b)
 {
     float least = a.f[0], most = b.f[0];
@@ -9188,6 +9193,12 @@ RTI_FN float rti_vmost(rti_v a)
 {
     a = _mm_max_ps(a, _mm_movehl_ps(a, a));
     return _mm_cvtss_f32(_mm_max_ss(a, _mm_shuffle_ps(a, a, 1)));
+}
+RTI_FN rti_v rti_vleasts(const rti_v a[4])
+{
+    const __m128 x = _mm_min_ps(_mm_unpacklo_ps(a[0], a[1]), _mm_unpackhi_ps(a[0], a[1]));
+    const __m128 y = _mm_min_ps(_mm_unpacklo_ps(a[2], a[3]), _mm_unpackhi_ps(a[2], a[3]));
+    return _mm_min_ps(_mm_movelh_ps(x, y), _mm_movehl_ps(y, x));
 }
 RTI_FN bool rti_vapart(rti_v a, rti_v b)
 {
@@ -9271,6 +9282,16 @@ RTI_FN float rti_vmost(rti_v a)
     __m128 x = _mm_max_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps(a, 1));
     x = _mm_max_ps(x, _mm_movehl_ps(x, x));
     return _mm_cvtss_f32(_mm_max_ss(x, _mm_shuffle_ps(x, x, 1)));
+}
+RTI_FN rti_v rti_vleasts(const rti_v a[8])
+{
+    __m256 x[4];
+    int i;
+    RTI_UNROLL
+    for (i = 0; i < 4; i++) x[i] = _mm256_min_ps(_mm256_unpacklo_ps(a[2 * i], a[2 * i + 1]), _mm256_unpackhi_ps(a[2 * i], a[2 * i + 1]));
+    RTI_UNROLL
+    for (i = 0; i < 4; i += 2) x[i] = _mm256_min_ps(_mm256_shuffle_ps(x[i], x[i + 1], 0x44), _mm256_shuffle_ps(x[i], x[i + 1], 0xee));
+    return _mm256_min_ps(_mm256_permute2f128_ps(x[0], x[2], 0x20), _mm256_permute2f128_ps(x[0], x[2], 0x31));
 }
 RTI_FN bool rti_vapart(rti_v a, rti_v b)
 {
@@ -11987,63 +12008,97 @@ RTI_FN uint64_t rti_count_list(const rti_packet *rays, uint64_t list)
     return n;
 }
 
-/* Makes one of those of list, of the octant of side, that are much smaller than all. */
+/* Of RTI_WIDTH SIMD rays the least of a number of theirs, field in the first of them; of those that are not of the crowd, whose lives are 0,
+   infinity. */
+RTI_FN rti_v rti_crowd_least(const float *field, const unsigned lives[RTI_WIDTH], bool whole)
+{
+    rti_v x[RTI_WIDTH];
+    int i;
+    RTI_UNROLL
+    for (i = 0; i < RTI_WIDTH; i++) {
+        x[i] = rti_vload((const float *)(const void *)((const char *)field + (size_t)i * sizeof(rti_packet)));
+        if (!whole) x[i] = rti_vselect(lives[i], x[i], rti_vset(RTI_INFINITY));
+    }
+    return rti_vleasts(x);
+}
+
+/* And the greatest. */
+RTI_FN rti_v rti_crowd_most(const float *field, const unsigned lives[RTI_WIDTH], bool whole)
+{
+    rti_v x[RTI_WIDTH];
+    int i;
+    RTI_UNROLL
+    for (i = 0; i < RTI_WIDTH; i++) {
+        x[i] = rti_vsub(rti_vset(0), rti_vload((const float *)(const void *)((const char *)field + (size_t)i * sizeof(rti_packet))));
+        if (!whole) x[i] = rti_vselect(lives[i], x[i], rti_vset(RTI_INFINITY));
+    }
+    return rti_vsub(rti_vset(0), rti_vleasts(x));
+}
+
+/* Makes one of those of list, of the octant of side, that are much smaller than all. rays has room for RTI_CROWD. */
 RTI_FN void rti_make_crowd(rti_crowd *c, rti_packet *rays, uint64_t list, const int *side, const float part)
 {
-    float org[3][2], rdir[3][2], tmin = RTI_INFINITY, pad = 0, far_apart = 0, astray = 0;
+    const rti_v high = rti_vset(RTI_INFINITY), low = rti_vset(-RTI_INFINITY), one = rti_vset(1);
+    rti_v tmin = high, t = low, pads = rti_vset(0), org[3][2], rdir[3][2];
+    float far_apart = 0, astray = 0;
     uint64_t left;
-    int i, k;
+    int i, j, k;
     c->rays = rays;
     c->side = side;
-    c->farthest = -RTI_INFINITY;
     for (k = 0; k < 3; k++) {
-        org[k][0] = rdir[k][0] = RTI_INFINITY;
-        org[k][1] = rdir[k][1] = -RTI_INFINITY;
+        org[k][0] = rdir[k][0] = high;
+        org[k][1] = rdir[k][1] = low;
     }
-    for (i = 0; i < RTI_CROWD; i++) {
-        c->tmin[i] = RTI_INFINITY;
-        c->t[i] = -RTI_INFINITY;
-    }
-    for (left = list; left; left &= left - 1) {
-        const rti_packet *p = &rays[i = rti_lowest_of(left)];
-        const rti_v none = rti_vset(-RTI_INFINITY);
-        c->tmin[i] = rti_vleast(rti_vselect(p->live, rti_vload(p->tmin), rti_vset(RTI_INFINITY)));
-        c->t[i] = rti_vmost(rti_vselect(p->live, rti_vload(p->t), none));
-        pad = rti_maxf(pad, rti_vmost(rti_vselect(p->live, rti_vload(p->pad), none)));
-        tmin = c->tmin[i] < tmin ? c->tmin[i] : tmin;
-        c->farthest = rti_maxf(c->farthest, c->t[i]);
-        RTI_UNROLL
+    for (i = 0; i < RTI_CROWD; i += RTI_WIDTH) {
+        const rti_packet *p = rays + i;
+        unsigned lives[RTI_WIDTH], all = RTI_ALL_LANES;
+        bool whole;
+        rti_v first, last, pad;
+        if (!(list >> i & RTI_ALL_LANES)) {
+            rti_vstore(c->tmin + i, high);
+            rti_vstore(c->t + i, low);
+            continue;
+        }
+        for (j = 0; j < RTI_WIDTH; j++) all &= lives[j] = list >> (i + j) & 1 ? p[j].live : 0;
+        whole = all == RTI_ALL_LANES;
+        first = rti_crowd_least(p->tmin, lives, whole);
+        last = rti_crowd_most(p->t, lives, whole);
+        pad = rti_vmax(rti_crowd_most(p->pad, lives, whole), rti_vset(0));
+        rti_vstore(c->tmin + i, first);
+        rti_vstore(c->t + i, last);
+        tmin = rti_vmin(first, tmin);
+        t = rti_vmax(last, t);
+        pads = rti_vmax(pad, pads);
         for (k = 0; k < 3; k++) {
-            float o[2], r[2];
-            rti_bound_lanes(p, p->live, k, o, r);
-            c->near_org[k][i] = o[1 - side[k]];
-            c->far_org[k][i] = o[side[k]];
-            c->least[k][i] = r[0];
-            c->most[k][i] = r[1];
-            org[k][0] = o[0] < org[k][0] ? o[0] : org[k][0];
-            org[k][1] = rti_maxf(o[1], org[k][1]);
-            rdir[k][0] = r[0] < rdir[k][0] ? r[0] : rdir[k][0];
-            rdir[k][1] = rti_maxf(r[1], rdir[k][1]);
+            const rti_v begin = rti_vsub(rti_crowd_least(p->org[k], lives, whole), pad), end = rti_vadd(rti_crowd_most(p->org[k], lives, whole), pad);
+            const rti_v least = rti_crowd_least(p->rdir[k], lives, whole), most = rti_crowd_most(p->rdir[k], lives, whole);
+            rti_vstore(c->near_org[k] + i, side[k] ? begin : end);
+            rti_vstore(c->far_org[k] + i, side[k] ? end : begin);
+            rti_vstore(c->least[k] + i, least);
+            rti_vstore(c->most[k] + i, most);
+            org[k][0] = rti_vmin(begin, org[k][0]);
+            org[k][1] = rti_vmax(end, org[k][1]);
+            rdir[k][0] = rti_vmin(least, rdir[k][0]);
+            rdir[k][1] = rti_vmax(most, rdir[k][1]);
         }
     }
-    c->all.tmin = rti_vset(tmin);
-    RTI_UNROLL
+    c->farthest = rti_vmost(t);
+    c->all.tmin = rti_vset(rti_vleast(tmin));
     for (k = 0; k < 3; k++) {
-        c->all.near_org[k] = rti_vset(org[k][1 - side[k]]);
-        c->all.far_org[k] = rti_vset(org[k][side[k]]);
-        c->all.least[k] = rti_vset(rdir[k][0]);
-        c->all.most[k] = rti_vset(rdir[k][1]);
-        far_apart = rti_maxf(far_apart, org[k][1] - org[k][0]);
-        astray = rti_maxf(astray, 1 / rdir[k][0] - 1 / rdir[k][1]);
+        const float begin = rti_vleast(org[k][0]), end = rti_vmost(org[k][1]), least = rti_vleast(rdir[k][0]), most = rti_vmost(rdir[k][1]);
+        c->all.near_org[k] = rti_vset(side[k] ? begin : end);
+        c->all.far_org[k] = rti_vset(side[k] ? end : begin);
+        c->all.least[k] = rti_vset(least);
+        c->all.most[k] = rti_vset(most);
+        far_apart = rti_maxf(far_apart, end - begin);
+        astray = rti_maxf(astray, 1 / least - 1 / most);
     }
-    far_apart = part * far_apart + 4 * pad;
+    far_apart = part * far_apart + 4 * rti_vmost(pads);
     astray *= part;
     c->list = list;
     for (i = 0; i < RTI_CROWD; i += RTI_WIDTH) {
-        const rti_v one = rti_vset(1);
         unsigned small = RTI_ALL_LANES;
         if (!(list >> i & RTI_ALL_LANES)) continue;
-        RTI_UNROLL
         for (k = 0; k < 3; k++) {
             small &= rti_vle(rti_vabs(rti_vsub(rti_vload(c->near_org[k] + i), rti_vload(c->far_org[k] + i))), rti_vset(far_apart));
             small &= rti_vle(rti_vsub(rti_vdiv(one, rti_vload(c->least[k] + i)), rti_vdiv(one, rti_vload(c->most[k] + i))), rti_vset(astray));
@@ -13398,6 +13453,9 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec
 #undef rti_vapart
 #undef rti_lowest_of
 #undef rti_vleast
+#undef rti_vleasts
+#undef rti_crowd_least
+#undef rti_crowd_most
 #undef rti_vmost
 #undef rti_large
 #undef rti_door

@@ -4089,7 +4089,7 @@ static void rtt_test_kd_nested(void)
             rtt_quad(&level[k + 1], rtt_v(0, 0, (float)k / 2), rtt_v(4, 0, 0), rtt_v(0, 4, 0));
             rtt_ball(&level[k + 1], rtt_v((float)k / 2, 2, 2), 0.25f);
         }
-        rtt_rays_planes(&rays, &random, &level[RT_MAX_NESTING], 1, 0, 60);
+        rtt_rays_planes(&rays, &random, &level[RT_MAX_NESTING], 1, 0, 24);
         CHECK(rtt_hits(&level[RT_MAX_NESTING], &rays) > rays.count / 4);
         rtt_check("nested by turns", &level[RT_MAX_NESTING], &rays);
         for (size_t k = RTT_COUNT(level); k-- > 0;)
@@ -9336,7 +9336,7 @@ static void rtt_test_threaded_nested(void)
 {
     rtt_random random = rtt_stream();
 
-    for (int round = 0; round < 6; round++) {
+    for (int round = 0; round < 3; round++) {
         rtt_model level[5];
         rtt_rays rays = { 0 };
         float matrix[12];
