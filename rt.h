@@ -3216,8 +3216,12 @@ static void rti_size_leaves(const rt_accel *accel, uint8_t *sizes)
     }
 }
 
-/* Counts wide nodes and octets, and writes them where there is room: of an octet only the slot and the number of its triangles, in prim. */
-static void rti_collapse(rt_accel *accel, const uint8_t *sizes)
+/* A wide node to be: which binary nodes its children are, and the numbers of the first of them that is a wide node, and of the first octet. */
+typedef struct { uint32_t children[RTI_CHILDREN], wide, octet; } rti_wide_plan;
+typedef struct { rt_accel *accel; const uint8_t *sizes; rti_wide_plan *plans; } rti_wide_job;
+
+/* Plans and counts wide nodes, depth first, and octets. plans: one for each inner node that sizes has no number for is enough. */
+static void rti_collapse(rt_accel *accel, const uint8_t *sizes, rti_wide_plan *plans)
 {
     struct { uint32_t node, wide; } stack[RTI_WIDE_STACK];
     int top = 0;
@@ -3226,36 +3230,22 @@ static void rti_collapse(rt_accel *accel, const uint8_t *sizes)
     accel->wide_count = 1;
     accel->octet_count = 0;
     while (top) {
-        uint32_t children[RTI_CHILDREN];
-        const int n = rti_open_children(accel, sizes, stack[--top].node, children);
-        rti_wide unused, *wide = accel->wides ? &accel->wides[stack[top].wide] : &unused;
-        int i, k, inner = 0;
-        for (i = 0; i < RTI_CHILDREN; i++) {
-            const rti_node *node = i < n ? &accel->nodes[children[i]] : NULL;
-            for (k = 0; k < 6; k++) wide->bounds[k][i] = node ? node->bounds[k] : k < 3 ? RTI_INFINITY : -RTI_INFINITY;
-            wide->index[i] = 0;
-            wide->count[i] = node ? 0 : RTI_NO_CHILD;
-            if (!node) continue;
-            if (sizes[children[i]]) {
-                while (!node->count) node = &accel->nodes[node->index];         /* the first slot */
-                wide->count[i] = RTI_TRIANGLE << RTI_KIND_SHIFT | sizes[children[i]];
-                wide->index[i] = accel->geo.vertices ? node->index : (uint32_t)accel->octet_count;
-                if (accel->octets) {
-                    accel->octets[accel->octet_count].prim[0] = node->index;
-                    accel->octets[accel->octet_count].prim[1] = sizes[children[i]];
-                }
-                accel->octet_count++;
-            } else if (node->count) {
-                wide->count[i] = node->count;
-                wide->index[i] = node->index;
-            } else wide->index[i] = (uint32_t)(accel->wide_count + (size_t)inner++);
+        rti_wide_plan *plan = &plans[stack[--top].wide];
+        const int n = rti_open_children(accel, sizes, stack[top].node, plan->children);
+        int i, inner = 0;
+        plan->wide = (uint32_t)accel->wide_count;
+        plan->octet = (uint32_t)accel->octet_count;
+        for (i = 0; i < n; i++) {
+            if (sizes[plan->children[i]]) accel->octet_count++;
+            else if (!accel->nodes[plan->children[i]].count) inner++;
         }
-        for (i = n, k = inner; i-- > 0;)    /* the first is next */
-            if (!wide->count[i]) {
-                stack[top].node = children[i];
-                stack[top++].wide = (uint32_t)(accel->wide_count + (size_t)--k);
-            }
         accel->wide_count += (size_t)inner;
+        for (i = n; i-- > 0;)               /* the first is next */
+            if (!sizes[plan->children[i]] && !accel->nodes[plan->children[i]].count) {
+                stack[top].node = plan->children[i];
+                stack[top++].wide = plan->wide + (uint32_t)--inner;
+            }
+        for (i = n; i < RTI_CHILDREN; i++) plan->children[i] = RTI_END;
     }
 }
 
@@ -3270,31 +3260,65 @@ static void rti_fill_octet(rti_octet *octet, const rti_triangle *triangles, uint
     }
 }
 
-static void rti_fill_octets(void *context, size_t chunk)
+static void rti_fill_wide(const rti_wide_job *job, const rti_wide_plan *plan, rti_wide *wide)
 {
-    rt_accel *accel = (rt_accel *)context;
-    size_t i = chunk * RTI_CHUNK, end = accel->octet_count - i < RTI_CHUNK ? accel->octet_count : i + RTI_CHUNK;
-    for (; i < end; i++) rti_fill_octet(&accel->octets[i], accel->triangles + accel->octets[i].prim[0], accel->octets[i].prim[1]);
+    const rt_accel *accel = job->accel;
+    uint32_t inner = plan->wide, octet = plan->octet;
+    int i, k;
+    for (i = 0; i < RTI_CHILDREN; i++) {
+        const uint32_t child = plan->children[i];
+        const rti_node *node = child != RTI_END ? &accel->nodes[child] : NULL;
+        for (k = 0; k < 6; k++) wide->bounds[k][i] = node ? node->bounds[k] : k < 3 ? RTI_INFINITY : -RTI_INFINITY;
+        wide->index[i] = 0;
+        wide->count[i] = node ? 0 : RTI_NO_CHILD;
+        if (!node) continue;
+        if (job->sizes[child]) {
+            while (!node->count) node = &accel->nodes[node->index];             /* the first slot */
+            wide->count[i] = RTI_TRIANGLE << RTI_KIND_SHIFT | job->sizes[child];
+            wide->index[i] = accel->octets ? octet : node->index;
+            if (accel->octets) rti_fill_octet(&accel->octets[octet++], accel->triangles + node->index, job->sizes[child]);
+        } else if (node->count) {
+            wide->count[i] = node->count;
+            wide->index[i] = node->index;
+        } else wide->index[i] = inner++;
+    }
+}
+
+static void rti_fill_wides(void *context, size_t chunk)
+{
+    const rti_wide_job *job = (const rti_wide_job *)context;
+    const size_t size = RTI_CHUNK / 32, first = chunk * size, left = job->accel->wide_count - first;
+    size_t i;
+    for (i = first; i < first + (left < size ? left : size); i++) rti_fill_wide(job, &job->plans[i], &job->accel->wides[i]);
 }
 
 static rt_status rti_build_wide(rt_accel *accel, const rt_build_options *opt)
 {
+    const size_t line = 64, size = RTI_CHUNK / 32;  /* a line of the cache: nodes and octets start at one; wide nodes filled together */
+    rti_wide_job job;
     uint8_t *sizes = (uint8_t *)rti_alloc(accel->node_count, 1, accel->memory_user);
-    const size_t line = 64;                 /* of the cache: nodes and octets start at one */
-    size_t bytes;
-    if (!sizes) return RT_ERROR_MEMORY;
-    rti_size_leaves(accel, sizes);
-    rti_collapse(accel, sizes);
-    bytes = accel->wide_count * sizeof(rti_wide) + (opt->reference ? 0 : accel->octet_count * sizeof(rti_octet)) + line;
-    if (accel->wide_count + accel->octet_count <= (SIZE_MAX - line) / sizeof(rti_octet)) accel->wide_memory = rti_alloc(1, bytes, accel->memory_user);
+    size_t bytes = 0, most = 1, i;
+    job.accel = accel;
+    job.sizes = sizes;
+    job.plans = NULL;
+    if (sizes) {
+        rti_size_leaves(accel, sizes);
+        for (i = 1; i < accel->node_count; i++) most += !sizes[i] && !accel->nodes[i].count;
+        job.plans = (rti_wide_plan *)rti_alloc(most, sizeof(rti_wide_plan), accel->memory_user);
+    }
+    if (job.plans) {
+        rti_collapse(accel, sizes, job.plans);
+        bytes = accel->wide_count * sizeof(rti_wide) + (opt->reference ? 0 : accel->octet_count * sizeof(rti_octet)) + line;
+        if (accel->wide_count + accel->octet_count <= (SIZE_MAX - line) / sizeof(rti_octet)) accel->wide_memory = rti_alloc(1, bytes, accel->memory_user);
+    }
     if (accel->wide_memory) {
         char *at = (char *)accel->wide_memory + (line - (uintptr_t)accel->wide_memory % line) % line;
         accel->wides = (rti_wide *)(void *)at;
         if (!opt->reference) accel->octets = (rti_octet *)(void *)(at + accel->wide_count * sizeof(rti_wide));
-        rti_collapse(accel, sizes);
-        if (accel->octets) rti_for(opt->parallel_for, opt->parallel_user, rti_chunk_total(accel->octet_count), rti_fill_octets, accel);
+        rti_for(opt->parallel_for, opt->parallel_user, (accel->wide_count + size - 1) / size, rti_fill_wides, &job);
         accel->bytes += bytes;
     }
+    rti_release(job.plans, accel->memory_user);
     rti_release(sizes, accel->memory_user);
     return accel->wides ? RT_OK : RT_ERROR_MEMORY;
 }
@@ -10950,6 +10974,7 @@ RTI_FN unsigned rti_wide_from(const rt_accel *accel, rti_packet *p, unsigned liv
    that rti_prepare's planes of one ray would meet. */
 
 #define RTI_FEW_LANES 2                     /* so many go on alone */
+#define RTI_FEW_NODES 32                    /* of a binary tree that SIMD rays with nothing in common sooner walk than single ones the wide tree */
 
 /* The least and the greatest of rays of one octant, each for the planes that they meet first and last. */
 typedef struct { rti_v near_org[3], far_org[3], least[3], most[3], tmin; } rti_interval;
@@ -11180,7 +11205,7 @@ RTI_FN unsigned rti_walk_tree(const rt_accel *accel, rti_packet *p, unsigned liv
     if (accel->structure == RT_THREADED) return rti_thread_walk(accel, p, live, inst, job);
 #endif
 #if RTI_WIDTH > 1
-    if (job->wide && accel->wides) return rti_walk_wide(accel, p, live, inst, job);
+    if (job->wide && accel->wides && (job->side == 1 || accel->node_count > RTI_FEW_NODES)) return rti_walk_wide(accel, p, live, inst, job);
 #endif
 #if RTI_STATS
     if (job->stats) return any ? rti_walk_any_count(accel, p, live, inst, job) : rti_walk_closest_count(accel, p, live, inst, job);
