@@ -64,7 +64,7 @@
      reference, twice at the top of the tree, and a lane of 1 MiB (208 KiB times opt->max_duplication), or 16 with a parallel_for. All is
      released before rt_build returns; rt_get_info tells what an accel holds. Stack: 2 KiB for a single ray, 7 KiB by wide nodes, 9 KiB for
      a packet of 4 or 8, and as much again for each level of instances; large packets 46 KiB up to 16 x 16 rays, 166 KiB with 32 x 32, and
-     44 KiB for each level of instances; by wide nodes 72 KiB, and 56 KiB for each level. Of a packet of 16 x 16, tests of boxes and edges read 8 KiB
+     44 KiB for each level of instances; by wide nodes 75 KiB, and 57 KiB for each level. Of a packet of 16 x 16, tests of boxes and edges read 8 KiB
      and all tests together 20 KiB: that stays in a first-level cache of 32 KiB. Of one of 32 x 32 only the former do, with 33 KiB, in one
      of 48.
 
@@ -11083,6 +11083,7 @@ RTI_FN unsigned rti_sheaf_body(const rt_accel *accel, rti_packet *p, unsigned li
     float farthest = rti_vmost(rti_vselect(live, rti_vload(p->t), rti_vset(-RTI_INFINITY)));
     unsigned found = 0, lanes = live;
     int near_plane[3], far_plane[3], top = 0, k;
+    (void)counts;
     for (k = 0; k < 3; k++) {
         near_plane[k] = 3 * p->side[k] + k;
         far_plane[k] = 3 - 3 * p->side[k] + k;
