@@ -257,8 +257,8 @@ typedef struct {
                                                more) octants of directions: near nodes come first; 1 is [Lohr]'s. 0 = the fastest measured */
     float throw_back;                       /* RT_THREADED: a node whose surface is above so much of its parent's gives its children to
                                                its parent ([Lohr] 4: pathological ones are thrown back); 0 = the best measured, negative: none */
-    bool no_wide;                           /* RT_BVH: leave out what only RT_BVH_WIDE reads. RT_AUTO, which takes that, then takes RT_BVH_STACK
-                                               for single rays, and for many RT_BVH_RANGED or RT_BVH_SIMD, as they prove faster */
+    bool no_wide;                           /* RT_BVH: leave out what only RT_BVH_WIDE reads. RT_AUTO does without: for single rays it takes
+                                               RT_BVH_STACK, for many RT_BVH_RANGED or RT_BVH_SIMD */
     bool no_backtrack;                      /* RT_KDTREE: leave out the parent links and boxes that only RT_KD_BACKTRACK reads */
     rt_parallel_for parallel_for;           /* NULL: build on this thread. The tree is the same, bit for bit */
     void *parallel_user;
@@ -381,7 +381,7 @@ typedef struct {
     rt_algorithm algorithm;                 /* RT_AUTO */
     int packet_width;                       /* 0 = the default; else one of rt_packet_widths. SIMD rays and k-d trees: 1 = single rays,
                                                2 = 2x2, 8 = 8 rays, 0 = the widest. RT_BVH_WIDE: 4, 8 or 16 rays a side, 0 and 1
-                                               = single rays; RT_AUTO takes 16. Large packets: 4, 8, 16 or 32 rays a side, 0 = 16.
+                                               = single rays. Large packets: 4, 8, 16 or 32 rays a side, 0 = 16.
                                                RT_THREADED_PARALLEL: 2, 4, 8 or 16 rays together, 0 = 8 */
     rt_cull cull;                           /* of large packets but those of RT_BVH_WIDE; RT_AUTO decides itself */
     rt_query query;                         /* RT_CLOSEST */
@@ -5169,10 +5169,10 @@ typedef struct { uint64_t unused; } rt_stats;
 #define RTI_COUNTS(job) false
 #endif
 
-/* What RT_AUTO learns where there are no wide nodes, see rti_batch_auto: ticks of a ray, by each way to trace a BVH; 0: not tried. */
-enum { RTI_BY_RANGED, RTI_BY_SIMD, RTI_WAYS };
+/* What RT_AUTO learns, see rti_batch_auto: ticks of a ray, by each way to trace a BVH, over those of the first way; 0: not tried. */
+enum { RTI_BY_CROWDS, RTI_BY_SIMD, RTI_BY_RANGED, RTI_WAYS };
 typedef struct {
-    float cost[RTI_WAYS];
+    float cost[RTI_WAYS], ticks;            /* ticks: of the first way, in the last trial */
     int next;                               /* the way that is tried next, */
     unsigned trials, rest;                  /* and after how many packets */
 } rti_tuner;
@@ -5204,6 +5204,9 @@ static const rti_job rti_wide_jobs[] = {     /* the same by RT_BVH_WIDE */
 
 typedef void (*rti_batch_function)(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits);
 
+/* Pixels of a SIMD ray from left to right, by how many rays are side by side. */
+#define RTI_PACKET_COLUMNS(lanes) ((lanes) == 8 ? 4 : (lanes) == 4 ? 2 : 1)
+
 #define RTI_AUTO_RAYS 256u                  /* of a packet of RT_AUTO: 16 x 16 */
 #define RTI_TRIALS 256                      /* packets from one trial of RT_AUTO to the next; less at first, see rti_learn */
 
@@ -5222,22 +5225,28 @@ RTI_INLINE uint64_t rti_ticks(void)
 #endif
 }
 
-/* A trial of what is next has taken ticks a ray. Means at first, which then fade slowly; a trial that something else has interrupted counts
-   little. */
-static void rti_learn(rti_tuner *tuner, float ticks)
+/* A trial of what is next has taken ticks a ray. The ways are tried on packets that follow each other, which are alike, so ratios are what
+   counts: means at first, which then fade slowly. All ways find cold caches in the first round, which is forgotten. wide: crowds can be had.
+   Ranged, which is slow for rays that part, is tried where SIMD rays are not much slower than crowds. */
+static void rti_learn(rti_tuner *tuner, bool wide, float ticks)
 {
-    float *const cost = &tuner->cost[tuner->next];
+    const int first = wide ? RTI_BY_CROWDS : RTI_BY_SIMD, way = tuner->next++;
     const float weight = tuner->trials < 8 ? 1 / (float)(tuner->trials + 1) : 0.125f;
-    if (*cost > 0 && ticks > 2 * *cost) ticks = 2 * *cost;
-    *cost = *cost > 0 ? *cost + weight * (ticks - *cost) : ticks;
-    if (++tuner->next < RTI_WAYS) return;
-    tuner->next = 0;
-    tuner->rest = ++tuner->trials < 3 ? RTI_TRIALS / 16 : tuner->trials < 6 ? RTI_TRIALS / 4 : RTI_TRIALS;
+    if (way == first) tuner->ticks = ticks > 0 ? ticks : 1;
+    ticks = ticks < 4 * tuner->ticks ? ticks / tuner->ticks : 4;
+    tuner->cost[way] = tuner->cost[way] > 0 ? tuner->cost[way] + weight * (ticks - tuner->cost[way]) : ticks;
+    if (way == RTI_BY_CROWDS || (way == RTI_BY_SIMD && (!wide || tuner->cost[RTI_BY_SIMD] < 1.3f))) return;
+    if (!tuner->trials++) memset(tuner->cost, 0, sizeof tuner->cost);
+    tuner->next = first;
+    tuner->rest = tuner->trials < 4 ? RTI_TRIALS / 16 : tuner->trials < 7 ? RTI_TRIALS / 4 : RTI_TRIALS;
 }
 
-RTI_INLINE int rti_faster_way(const rti_tuner *tuner)
+/* Crowds, unless others are faster by more than chance: in a trial they find another tree in the caches than theirs. */
+RTI_INLINE int rti_fastest_way(const rti_tuner *tuner, bool wide)
 {
-    return tuner->cost[RTI_BY_SIMD] > 0 && tuner->cost[RTI_BY_SIMD] < tuner->cost[RTI_BY_RANGED] ? RTI_BY_SIMD : RTI_BY_RANGED;
+    const float simd = tuner->cost[RTI_BY_SIMD], ranged = tuner->cost[RTI_BY_RANGED], crowds = 0.85f * tuner->cost[RTI_BY_CROWDS];
+    const int other = simd > 0 && !(ranged > 0 && ranged < simd) ? RTI_BY_SIMD : RTI_BY_RANGED;
+    return wide && !(tuner->cost[other] > 0 && tuner->cost[other] < crowds) ? RTI_BY_CROWDS : other;
 }
 #endif
 
@@ -5495,8 +5504,7 @@ struct rt_raster {
     rt_raster_info info;
 };
 
-/* Pixels of a packet and of the square of them that is covered at once, by how many rays are side by side. */
-#define RTI_PACKET_COLUMNS(lanes) ((lanes) == 8 ? 4 : (lanes) == 4 ? 2 : 1)
+/* Pixels of a packet, see RTI_PACKET_COLUMNS, and of the square of them that is covered at once, by how many rays are side by side. */
 #define RTI_PACKET_ROWS(lanes) ((lanes) == 1 ? 1 : 2)
 #define RTI_COVER_SIDE(lanes) ((lanes) == 1 ? 8 : RTI_BLOCK)
 
@@ -5818,7 +5826,7 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
         else if (opt->algorithm == RT_BVH_WIDE) width = 1;
         else if (opt->algorithm != RT_AUTO) width = widths[n - 1];
         else if (count < 4) width = 1;
-        else if (rti_has_wide(accel)) {
+        else if (rti_has_wide(accel) && count < RTI_AUTO_RAYS / 4) {
             wide = true;
             width = 16;
         } else if (!RTI_PACKETS || accel->structure != RT_BVH || count < RTI_AUTO_RAYS / 4) width = widths[n - 1];     /* else 0: by trying */
@@ -8919,6 +8927,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_walk_crowd RTI_NAME_(rti_walk_crowd)
 #define rti_count_list RTI_NAME_(rti_count_list)
 #define rti_batch_crowds RTI_NAME_(rti_batch_crowds)
+#define rti_crowd_packets RTI_NAME_(rti_crowd_packets)
 #define rti_probe_children RTI_NAME_(rti_probe_children)
 #define rti_hit_octet RTI_NAME_(rti_hit_octet)
 #define rti_accept_lanes RTI_NAME_(rti_accept_lanes)
@@ -12711,14 +12720,13 @@ RTI_NOINLINE RTI_TARGET void rti_batch_largest(const rt_accel *accel, const rti_
     rti_batch_packets(accel, job, rays, 0, count, count, hits, packets);
 }
 
-/* RT_BVH_WIDE in packets of side x side, and RT_AUTO where there are wide nodes. */
-RTI_NOINLINE RTI_TARGET void rti_batch_crowds(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
+/* RT_BVH_WIDE: the rays from first to last, of count, in packets of side x side. packets has room for RTI_CROWD. */
+RTI_FN void rti_crowd_packets(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t first, size_t last, size_t count, rt_hit *hits,
+                              rti_packet *packets)
 {
     const size_t size = (size_t)job->side * (size_t)job->side;
-    rti_packet packets[RTI_CROWD];
-    size_t first;
-    for (first = 0; first < count; first += size) {
-        const int n = count - first < size ? (int)(count - first) : (int)size;
+    for (; first < last; first += size) {
+        const int n = last - first < size ? (int)(last - first) : (int)size;
         int groups = 0, i;
         for (i = 0; i < n; i += RTI_WIDTH, groups++) {
             rti_packet *p = &packets[groups];
@@ -12737,13 +12745,20 @@ RTI_NOINLINE RTI_TARGET void rti_batch_crowds(const rt_accel *accel, const rti_j
     }
 }
 
-/* RT_AUTO on a BVH without wide nodes. [Overbeck] Table 1 has Ranged with culling for rays that stay together; here SIMD rays are faster than
-   Partition for others. Which they are is found by trying: now and then a packet of 16 x 16 goes each way, by the clock, and the others as
-   it was faster. Counts of nodes, boxes and triangles foretell the time within 40 % only, since coherence is in the branches too. Hits do not
-   tell how they were found; rt_stats would, so with them, as without a clock, large packets are taken for closest hits and SIMD rays for any. */
+RTI_NOINLINE RTI_TARGET void rti_batch_crowds(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
+{
+    rti_packet packets[RTI_CROWD];
+    rti_crowd_packets(accel, job, rays, 0, count, count, hits, packets);
+}
+
+/* RT_AUTO on a BVH: crowds, where there are wide nodes; but SIMD rays or Ranged with culling ([Overbeck] Table 1) are faster for spheres or
+   triangles that lie on top of each other, and all there is without wide nodes. Which is fastest is found by trying: now and then a packet of
+   16 x 16 goes each way, by the clock, and the others as it was faster. Counts of nodes, boxes and triangles foretell the time within 40 %
+   only, since coherence is in the branches too. Hits do not tell how they were found; rt_stats would, so with them, as without a clock, it is
+   crowds, or else large packets for closest hits and SIMD rays for any. */
 RTI_NOINLINE RTI_TARGET void rti_batch_auto(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
 {
-    const bool timed = rti_ticks() && !job->stats;
+    const bool timed = rti_ticks() && !job->stats, wide = accel->wides != NULL;
     rti_packet packets[RTI_SIMD_RAYS / 4];
     rti_tuner fresh, *tuner = job->tuner ? job->tuner : &fresh;
     rti_job part = *job;
@@ -12752,19 +12767,22 @@ RTI_NOINLINE RTI_TARGET void rti_batch_auto(const rt_accel *accel, const rti_job
     part.large = RT_BVH_RANGED;
     part.side = 16;
     part.cull = RT_CULL_BOTH;
+    if (!wide && tuner->next == RTI_BY_CROWDS) tuner->next = RTI_BY_SIMD;
     for (first = 0; first < count; first = last) {
         const size_t left = count - first, most = !timed ? left : tuner->rest ? (size_t)tuner->rest * RTI_AUTO_RAYS : RTI_AUTO_RAYS;
         const bool few = left < RTI_AUTO_RAYS / 4, trial = timed && !tuner->rest && !few;       /* few: they cannot stay together */
-        int way = job->query == RT_CLOSEST && !few ? RTI_BY_RANGED : RTI_BY_SIMD;
+        int way = wide ? RTI_BY_CROWDS : job->query == RT_CLOSEST && !few ? RTI_BY_RANGED : RTI_BY_SIMD;
         uint64_t start = 0;
         if (trial) {
             way = tuner->next;
             start = rti_ticks();
-        } else if (timed && !few) way = rti_faster_way(tuner);
+        } else if (timed && !few) way = rti_fastest_way(tuner, wide);
         last = left < most ? count : first + most;
-        if (way == RTI_BY_RANGED) rti_batch_packets(accel, &part, rays, first, last, count, hits, packets);
+        part.wide = way == RTI_BY_CROWDS;
+        if (way == RTI_BY_CROWDS) rti_crowd_packets(accel, &part, rays, first, last, count, hits, packets);
+        else if (way == RTI_BY_RANGED) rti_batch_packets(accel, &part, rays, first, last, count, hits, packets);
         else rti_batch_run(accel, &part, rays, first, last, hits);
-        if (trial) rti_learn(tuner, (float)(rti_ticks() - start) / (float)(last - first));
+        if (trial) rti_learn(tuner, wide, (float)(rti_ticks() - start) / (float)(last - first));
         else if (timed && !few) tuner->rest -= (unsigned)((last - first + RTI_AUTO_RAYS - 1) / RTI_AUTO_RAYS);
     }
 }
@@ -13411,6 +13429,7 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec
 #undef rti_walk_crowd
 #undef rti_count_list
 #undef rti_batch_crowds
+#undef rti_crowd_packets
 #undef rti_probe_children
 #undef rti_hit_octet
 #undef rti_gather_octet
