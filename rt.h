@@ -64,9 +64,9 @@
      reference, twice at the top of the tree, and a lane of 1 MiB (208 KiB times opt->max_duplication), or 16 with a parallel_for. All is
      released before rt_build returns; rt_get_info tells what an accel holds. Stack: 2 KiB for a single ray, 7 KiB by wide nodes, 9 KiB for
      a packet of 4 or 8, and as much again for each level of instances; large packets 46 KiB up to 16 x 16 rays, 166 KiB with 32 x 32, and
-     44 KiB for each level of instances; by wide nodes 75 KiB, and 57 KiB for each level. Of a packet of 16 x 16, tests of boxes and edges read 8 KiB
-     and all tests together 20 KiB: that stays in a first-level cache of 32 KiB. Of one of 32 x 32 only the former do, with 33 KiB, in one
-     of 48.
+     44 KiB for each level of instances; by wide nodes 75 KiB, and 57 KiB for each level. Of a packet of 16 x 16, tests of boxes and edges
+     read 8 KiB and all tests together 20 KiB: that stays in a first-level cache of 32 KiB. Of one of 32 x 32 only the former do, with 33
+     KiB, in one of 48.
 
    MACROS, each defined before the include
 
@@ -8916,7 +8916,9 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_crowd RTI_NAME_(rti_crowd)
 #define rti_make_crowd RTI_NAME_(rti_make_crowd)
 #define rti_crowd_part RTI_NAME_(rti_crowd_part)
-#define rti_crowd_box RTI_NAME_(rti_crowd_box)
+#define rti_wide_boxes RTI_NAME_(rti_wide_boxes)
+#define rti_wide_box RTI_NAME_(rti_wide_box)
+#define rti_octet_boxes RTI_NAME_(rti_octet_boxes)
 #define rti_crowd_meets RTI_NAME_(rti_crowd_meets)
 #define rti_crowd_note RTI_NAME_(rti_crowd_note)
 #define rti_crowd_octet RTI_NAME_(rti_crowd_octet)
@@ -11030,6 +11032,40 @@ RTI_FN unsigned rti_cross_interval(const rti_interval *r, const rti_v near[3], c
     return rti_vle(*enter, rti_vmin(rti_vmin(last[0], last[1]), rti_vmin(last[2], t)));
 }
 
+/* The planes of boxes that rays of an octant, side, meet first and last: of children i and on of a node; of one of them, in all lanes; of the
+   triangles at and on of an octet. */
+RTI_FN void rti_wide_boxes(const rti_wide *node, int i, const int side[3], rti_v near[3], rti_v far[3])
+{
+    int k;
+    RTI_UNROLL
+    for (k = 0; k < 3; k++) {
+        near[k] = rti_vload(node->bounds[3 * side[k] + k] + i);
+        far[k] = rti_vload(node->bounds[3 - 3 * side[k] + k] + i);
+    }
+}
+
+RTI_FN void rti_wide_box(const rti_wide *node, int child, const int side[3], rti_v near[3], rti_v far[3])
+{
+    int k;
+    RTI_UNROLL
+    for (k = 0; k < 3; k++) {
+        near[k] = rti_vset(node->bounds[3 * side[k] + k][child]);
+        far[k] = rti_vset(node->bounds[3 - 3 * side[k] + k][child]);
+    }
+}
+
+RTI_FN void rti_octet_boxes(const rti_octet *octet, uint32_t at, const int side[3], rti_v near[3], rti_v far[3])
+{
+    int k;
+    RTI_UNROLL
+    for (k = 0; k < 3; k++) {
+        const rti_v a = rti_vload(octet->v[k] + at), b = rti_vload(octet->v[3 + k] + at), c = rti_vload(octet->v[6 + k] + at);
+        const rti_v low = rti_vmin(rti_vmin(a, b), c), high = rti_vmax(rti_vmax(a, b), c);
+        near[k] = side[k] ? high : low;
+        far[k] = side[k] ? low : high;
+    }
+}
+
 /* Lanes that meet a box: rti_hit_box. */
 RTI_FN unsigned rti_meet_lanes(const rti_packet *p, const rti_v near[3], const rti_v far[3])
 {
@@ -11055,14 +11091,8 @@ RTI_FN unsigned rti_sheaf_octet(rti_packet *p, const rti_interval *r, rti_v t, u
     for (at = 0; at < RTI_CHILDREN && at < count && live; at += RTI_WIDTH) {
         rti_v near[3], far[3], enter;
         unsigned kept;
-        int k, kz;
-        RTI_UNROLL
-        for (k = 0; k < 3; k++) {
-            const rti_v a = rti_vload(octet->v[k] + at), b = rti_vload(octet->v[3 + k] + at), c = rti_vload(octet->v[6 + k] + at);
-            const rti_v low = rti_vmin(rti_vmin(a, b), c), high = rti_vmax(rti_vmax(a, b), c);
-            near[k] = p->side[k] ? high : low;
-            far[k] = p->side[k] ? low : high;
-        }
+        int kz;
+        rti_octet_boxes(octet, at, p->side, near, far);
         kept = rti_cross_interval(r, near, far, t, &enter);
         if (at + RTI_WIDTH > count) kept &= (1u << (count - at)) - 1;
         RTI_TALLY(job->stats, RTI_COUNTS(job) ? RTI_WALK_COUNT : 0, prims, rti_bit_count(kept) * rti_bit_count(live));
@@ -11091,12 +11121,8 @@ RTI_FN unsigned rti_sheaf_body(const rt_accel *accel, rti_packet *p, unsigned li
     const int flags = any ? RTI_WALK_ANY : 0, counts = RTI_COUNTS(job) ? RTI_WALK_COUNT : 0;
     float farthest = rti_vmost(rti_vselect(live, rti_vload(p->t), rti_vset(-RTI_INFINITY)));
     unsigned found = 0, lanes = live;
-    int near_plane[3], far_plane[3], top = 0, k;
+    int top = 0;
     (void)counts;
-    for (k = 0; k < 3; k++) {
-        near_plane[k] = 3 * p->side[k] + k;
-        far_plane[k] = 3 - 3 * p->side[k] + k;
-    }
     for (;;) {
         const rti_wide *node = accel->wides + index;
         float enter[RTI_CHILDREN];
@@ -11105,11 +11131,7 @@ RTI_FN unsigned rti_sheaf_body(const rt_accel *accel, rti_packet *p, unsigned li
         const int base = top;
         int i;
         for (i = 0; i < RTI_CHILDREN; i += RTI_WIDTH) {
-            RTI_UNROLL
-            for (k = 0; k < 3; k++) {
-                near[k] = rti_vload(node->bounds[near_plane[k]] + i);
-                far[k] = rti_vload(node->bounds[far_plane[k]] + i);
-            }
+            rti_wide_boxes(node, i, p->side, near, far);
             hit |= rti_cross_interval(r, near, far, rti_vset(farthest), &first) << i;
             rti_vstore(enter + i, first);
         }
@@ -11136,11 +11158,7 @@ RTI_FN unsigned rti_sheaf_body(const rt_accel *accel, rti_packet *p, unsigned li
             lanes = stack[top].lanes & live;
             node = stack[top].node;
             i = stack[top].child;
-            RTI_UNROLL
-            for (k = 0; k < 3; k++) {
-                near[k] = rti_vset(node->bounds[near_plane[k]][i]);
-                far[k] = rti_vset(node->bounds[far_plane[k]][i]);
-            }
+            rti_wide_box(node, i, p->side, near, far);
             RTI_TALLY(job->stats, counts, boxes, rti_bit_count(lanes));
             lanes &= rti_meet_lanes(p, near, far);
             if (!lanes) continue;
@@ -12144,17 +12162,6 @@ RTI_FN void rti_make_crowd(rti_crowd *c, rti_packet *rays, uint64_t list, const 
     for (left = c->list; left; left &= left - 1) c->open++;
 }
 
-/* The child of a node, in all lanes. */
-RTI_FN void rti_crowd_box(const rti_crowd *c, const rti_wide *node, int child, rti_v near[3], rti_v far[3])
-{
-    int k;
-    RTI_UNROLL
-    for (k = 0; k < 3; k++) {
-        near[k] = rti_vset(node->bounds[3 * c->side[k] + k][child]);
-        far[k] = rti_vset(node->bounds[3 - 3 * c->side[k] + k][child]);
-    }
-}
-
 /* Those of list that may meet a box. */
 RTI_FN uint64_t rti_crowd_meets(const rti_crowd *c, uint64_t list, const rti_v near[3], const rti_v far[3])
 {
@@ -12200,12 +12207,9 @@ RTI_FN void rti_crowd_octet(rti_crowd *c, uint64_t list, const rti_octet *octet,
         rti_v near[3], far[3], enter;
         unsigned kept;
         int k;
+        rti_octet_boxes(octet, at, c->side, near, far);
         RTI_UNROLL
         for (k = 0; k < 3; k++) {
-            const rti_v x = rti_vload(octet->v[k] + at), y = rti_vload(octet->v[3 + k] + at), z = rti_vload(octet->v[6 + k] + at);
-            const rti_v low = rti_vmin(rti_vmin(x, y), z), high = rti_vmax(rti_vmax(x, y), z);
-            near[k] = c->side[k] ? high : low;
-            far[k] = c->side[k] ? low : high;
             rti_vstore(nears[k], near[k]);
             rti_vstore(fars[k], far[k]);
         }
@@ -12306,7 +12310,7 @@ RTI_FN void rti_crowd_body(const rt_accel *accel, rti_crowd *c, uint32_t inst, c
     struct { uint64_t list; const rti_wide *node; float enter; int child; } stack[RTI_WIDE_STACK];
     uint64_t list = c->list;
     uint32_t index = 0;
-    int top = 0, k;
+    int top = 0;
     for (;;) {
         const rti_wide *node = accel->wides + index;
         const int base = top;
@@ -12315,11 +12319,7 @@ RTI_FN void rti_crowd_body(const rt_accel *accel, rti_crowd *c, uint32_t inst, c
         unsigned hit = 0;
         int i;
         for (i = 0; i < RTI_CHILDREN; i += RTI_WIDTH) {
-            RTI_UNROLL
-            for (k = 0; k < 3; k++) {
-                near[k] = rti_vload(node->bounds[3 * c->side[k] + k] + i);
-                far[k] = rti_vload(node->bounds[3 - 3 * c->side[k] + k] + i);
-            }
+            rti_wide_boxes(node, i, c->side, near, far);
             hit |= rti_cross_interval(&c->all, near, far, rti_vset(c->farthest), &first) << i;
             rti_vstore(enter + i, first);
         }
@@ -12349,7 +12349,7 @@ RTI_FN void rti_crowd_body(const rt_accel *accel, rti_crowd *c, uint32_t inst, c
             if (!top) return;
             node = stack[--top].node;
             i = stack[top].child;
-            rti_crowd_box(c, node, i, near, far);
+            rti_wide_box(node, i, c->side, near, far);
             RTI_TALLY(job->stats, RTI_COUNTS(job) ? RTI_WALK_COUNT : 0, boxes, rti_count_list(c->rays, stack[top].list));
             list = rti_crowd_meets(c, stack[top].list, near, far);
             if (!list) continue;
@@ -13418,7 +13418,9 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec
 #undef rti_crowd
 #undef rti_make_crowd
 #undef rti_crowd_part
-#undef rti_crowd_box
+#undef rti_wide_boxes
+#undef rti_wide_box
+#undef rti_octet_boxes
 #undef rti_crowd_meets
 #undef rti_crowd_note
 #undef rti_crowd_octet
