@@ -58,7 +58,7 @@
 
      An accel takes 40 bytes a triangle (4 with opt->reference), 20 bytes a sphere (4), 168 bytes an instance, and its tree: RT_THREADED 32
      bytes a node (0.7 to 1.5 n of them) and 8 for each of opt->orders, and 4 an instance; RT_BVH 32 bytes a node (at most 2 n - 1 nodes,
-     about n on meshes), and unless opt->no_wide about 70 a triangle for RT_BVH_WIDE; RT_KDTREE 8 bytes a node (2 to 3 n on meshes), 14 more
+     about n on meshes), and unless opt->no_wide about 66 a triangle for RT_BVH_WIDE; RT_KDTREE 8 bytes a node (2 to 3 n on meshes), 14 more
      unless opt->no_backtrack, and 4 bytes for each time that a leaf with several primitives names one (at most opt->max_duplication a
      primitive). While building, RT_BVH and RT_THREADED take 118 bytes a primitive more, 64 of them for nodes; RT_KDTREE 32 bytes a
      reference, twice at the top of the tree, and a lane of 1 MiB (208 KiB times opt->max_duplication), or 16 with a parallel_for. All is
@@ -101,6 +101,7 @@
      [Woop]      Woop, Benthin, Wald: Watertight Ray/Triangle Intersection, JCGT 2013
      [Ize]       Ize: Robust BVH Ray Traversal, JCGT 2013
      [Boulos]    Boulos, Wald, Shirley: Geometric and Arithmetic Culling Methods for Entire Ray Packets, 2006
+     [Ylitie]    Ylitie, Karras, Laine: Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs, 2017
      [Dammertz]  Dammertz, Hanika, Keller: Shallow Bounding Volume Hierarchies for Fast SIMD Ray Tracing of Incoherent Rays, 2008
      [Haines]    Haines, Guenther, Akenine-Moller: Precision Improvements for Ray/Sphere Intersection, Ray Tracing Gems 2019  */
 
@@ -3174,80 +3175,174 @@ out:
 
 /* ---- >>collapse ----------------------------------------------------------------------------------------------------- */
 
-/* The children of a wide node: of those of the binary tree the one with the largest surface gives way to its own two, until there are 8 or
-   all are leaves; those that sizes, see rti_size_leaves, has a number for are. sizes NULL: those of the binary tree. */
-RTI_INLINE int rti_open_children(const rt_accel *accel, const uint8_t *sizes, uint32_t root, uint32_t children[RTI_CHILDREN])
-{
-    double areas[RTI_CHILDREN];
-    int n = 1, i;
-    children[0] = root;
-    areas[0] = accel->nodes[root].count || (sizes && sizes[root]) ? -1 : 0;
-    for (;;) {
-        int best = 0, side;
-        for (i = 1; i < n; i++)
-            if (areas[i] > areas[best]) best = i;
-        if (areas[best] < 0 || n == RTI_CHILDREN) return n;
-        children[n] = accel->nodes[children[best]].index + 1;
-        children[best] = accel->nodes[children[best]].index;
-        for (side = 0; side < 2; side++) {
-            const int at = side ? n : best;
-            const bool leaf = accel->nodes[children[at]].count || (sizes && sizes[children[at]]);
-            areas[at] = leaf ? -1 : rti_node_area(&accel->nodes[children[at]]);
-        }
-        n++;
-    }
-}
+/* From the binary tree to nodes with up to RTI_CHILDREN children, see RT_BVH_WIDE ([Dammertz]). Which binary nodes stay, each with its children from
+   several levels below, is so chosen that their surfaces together, and with them how many of them rays visit, are least ([Ylitie] 3.1): bottom
+   up, the least is found for each number of places that a binary node may take among its parent's children. */
 
-#if RTI_PACKETS
-/* The tree of RT_BVH_WIDE ([Dammertz]): nodes of the binary one with up to 8 children, those of the largest surface being opened first, and leaves of as
-   many triangles as one octet holds, since an octet is tested at once however full it is. */
+/* What is known of a binary node: RTI_ATOM, if it stays whole, as a leaf, and then how many triangles are below it if they are to fill an octet
+   together; else the number of its rti_fan. */
+#define RTI_ATOM 0x80000000u
 
-/* For each binary node: how many triangles are below it, if there is nothing else and they fit in an octet; else 0. */
-static void rti_size_leaves(const rt_accel *accel, uint8_t *sizes)
-{
-    size_t i;
-    for (i = accel->node_count; i-- > 0;) {             /* children stand behind their parents */
-        const rti_node *node = &accel->nodes[i];
-        if (node->count) sizes[i] = rti_leaf_kind(node) == RTI_TRIANGLE ? (uint8_t)rti_leaf_count(node) : 0;
-        else {
-            const int a = sizes[node->index], b = sizes[node->index + 1];
-            sizes[i] = a && b && a + b <= RTI_CHILDREN ? (uint8_t)(a + b) : 0;
-        }
-    }
-}
+/* least: surface of the wide nodes in what is below, if that takes so many places more than one. left: how many of them the left child then
+   gets; 0: one place less is as good; [0]: of all the places of a wide node. */
+typedef struct { float least[RTI_CHILDREN - 1]; uint8_t left[RTI_CHILDREN - 1]; } rti_fan;
 
-/* A wide node to be: which binary nodes its children are, and the numbers of the first of them that is a wide node, and of the first octet. */
+/* A wide node to be: which binary nodes its children are (RTI_END: none), and the numbers of the first of them that is a wide node, which
+   is above its own, and of the first octet. */
 typedef struct { uint32_t children[RTI_CHILDREN], wide, octet; } rti_wide_plan;
-typedef struct { rt_accel *accel; const uint8_t *sizes; rti_wide_plan *plans; } rti_wide_job;
 
-/* Plans and counts wide nodes, depth first, and octets. plans: one for each inner node that sizes has no number for is enough. */
-static void rti_collapse(rt_accel *accel, const uint8_t *sizes, rti_wide_plan *plans)
+typedef struct {
+    const rt_accel *accel;
+    uint32_t *marks;                        /* of each binary node */
+    rti_fan *fans;
+    rti_wide_plan *plans;
+    size_t wide_count, octet_count;
+    uint32_t depth;                         /* of the deepest wide node */
+} rti_collapse;
+
+/* octets: leaves are of as many triangles as an octet holds, since it is tested at once however full it is; else those of the binary tree. Answers
+   how many nodes are no atoms. */
+static uint32_t rti_mark_atoms(rti_collapse *c, bool octets)
 {
-    struct { uint32_t node, wide; } stack[RTI_WIDE_STACK];
-    int top = 0;
-    stack[top].node = stack[top].wide = 0;
-    top++;
-    accel->wide_count = 1;
-    accel->octet_count = 0;
-    while (top) {
-        rti_wide_plan *plan = &plans[stack[--top].wide];
-        const int n = rti_open_children(accel, sizes, stack[top].node, plan->children);
-        int i, inner = 0;
-        plan->wide = (uint32_t)accel->wide_count;
-        plan->octet = (uint32_t)accel->octet_count;
-        for (i = 0; i < n; i++) {
-            if (sizes[plan->children[i]]) accel->octet_count++;
-            else if (!accel->nodes[plan->children[i]].count) inner++;
+    uint32_t fans = 0;
+    size_t i;
+    for (i = c->accel->node_count; i-- > 0;) {          /* children stand behind their parents */
+        const rti_node *node = &c->accel->nodes[i];
+        if (node->count) c->marks[i] = RTI_ATOM | (octets && rti_leaf_kind(node) == RTI_TRIANGLE ? rti_leaf_count(node) : 0);
+        else {
+            const uint32_t a = c->marks[node->index], b = c->marks[node->index + 1], both = (a & ~RTI_ATOM) + (b & ~RTI_ATOM);
+            const bool atom = a > RTI_ATOM && b > RTI_ATOM && both <= RTI_CHILDREN;
+            c->marks[i] = atom ? RTI_ATOM | both : fans++;
         }
-        accel->wide_count += (size_t)inner;
+    }
+    return fans;
+}
+
+RTI_INLINE float rti_least_of(const rti_collapse *c, uint32_t node, int places)
+{
+    return c->marks[node] & RTI_ATOM ? 0 : c->fans[c->marks[node]].least[places - 1];
+}
+
+/* The least when the two children of a node share so many places, and how many of them the left one gets. */
+RTI_INLINE float rti_share_places(const rti_collapse *c, const rti_node *node, int places, uint8_t *left)
+{
+    float least = rti_least_of(c, node->index, 1) + rti_least_of(c, node->index + 1, places - 1);
+    int k;
+    *left = 1;
+    for (k = 2; k < places; k++) {
+        const float sum = rti_least_of(c, node->index, k) + rti_least_of(c, node->index + 1, places - k);
+        if (sum < least) {
+            least = sum;
+            *left = (uint8_t)k;
+        }
+    }
+    return least;
+}
+
+static void rti_spread_fans(rti_collapse *c)
+{
+    const double all = rti_node_area(&c->accel->nodes[0]), unit = all > 0 ? 1 / all : 0;
+    size_t i;
+    int places;
+    for (i = c->accel->node_count; i-- > 0;) {
+        const rti_node *node = &c->accel->nodes[i];
+        rti_fan *fan;
+        if (c->marks[i] & RTI_ATOM) continue;
+        fan = &c->fans[c->marks[i]];
+        fan->least[0] = rti_share_places(c, node, RTI_CHILDREN, &fan->left[0]) + (float)(rti_node_area(node) * unit);
+        for (places = 2; places < RTI_CHILDREN; places++) {
+            float *least = &fan->least[places - 1];
+            *least = rti_share_places(c, node, places, &fan->left[places - 1]);
+            if (*least < least[-1]) continue;
+            *least = least[-1];
+            fan->left[places - 1] = 0;
+        }
+    }
+}
+
+/* Lists the children of the wide node that root becomes, from left to right. */
+static int rti_open_children(const rti_collapse *c, uint32_t root, uint32_t children[RTI_CHILDREN])
+{
+    struct { uint32_t node; int places; } stack[RTI_CHILDREN];
+    int n = 0, top = 1;
+    stack[0].node = root;
+    stack[0].places = RTI_CHILDREN;
+    while (top) {
+        const uint32_t node = stack[--top].node;
+        const rti_fan *fan = c->marks[node] & RTI_ATOM ? NULL : &c->fans[c->marks[node]];
+        int places = stack[top].places, left;
+        if (fan && places < RTI_CHILDREN)
+            while (places > 1 && !fan->left[places - 1]) places--;
+        if (!fan || places == 1) {
+            children[n++] = node;
+            continue;
+        }
+        left = fan->left[places < RTI_CHILDREN ? places - 1 : 0];
+        stack[top].node = c->accel->nodes[node].index + 1;
+        stack[top++].places = places - left;
+        stack[top].node = c->accel->nodes[node].index;
+        stack[top++].places = left;
+    }
+    return n;
+}
+
+/* Plans wide nodes, depth first, and counts them and octets. */
+static void rti_plan_wides(rti_collapse *c)
+{
+    struct { uint32_t node, wide, depth; } stack[RTI_WIDE_STACK];
+    int top = 1;
+    memset(stack, 0, sizeof stack[0]);
+    c->wide_count = 1;
+    while (top) {
+        const uint32_t depth = stack[--top].depth;
+        rti_wide_plan *plan = &c->plans[stack[top].wide];
+        const int n = rti_open_children(c, stack[top].node, plan->children);
+        int i, inner = 0;
+        if (depth > c->depth) c->depth = depth;
+        plan->wide = (uint32_t)c->wide_count;
+        plan->octet = (uint32_t)c->octet_count;
+        for (i = 0; i < n; i++) {
+            const uint32_t mark = c->marks[plan->children[i]];
+            if (mark > RTI_ATOM) c->octet_count++;
+            else if (mark < RTI_ATOM) inner++;
+        }
+        c->wide_count += (size_t)inner;
         for (i = n; i-- > 0;)               /* the first is next */
-            if (!sizes[plan->children[i]] && !accel->nodes[plan->children[i]].count) {
+            if (c->marks[plan->children[i]] < RTI_ATOM) {
                 stack[top].node = plan->children[i];
+                stack[top].depth = depth + 1;
                 stack[top++].wide = plan->wide + (uint32_t)--inner;
             }
         for (i = n; i < RTI_CHILDREN; i++) plan->children[i] = RTI_END;
     }
 }
+
+/* False: out of memory. To be released in any case. */
+RTI_INLINE bool rti_begin_collapse(rti_collapse *c, const rt_accel *accel, bool octets, void *user)
+{
+    uint32_t fans;
+    memset(c, 0, sizeof *c);
+    c->accel = accel;
+    c->marks = (uint32_t *)rti_alloc(accel->node_count, sizeof *c->marks, user);
+    if (!c->marks) return false;
+    fans = rti_mark_atoms(c, octets);
+    c->fans = (rti_fan *)rti_alloc(fans + 1, sizeof *c->fans, user);
+    c->plans = (rti_wide_plan *)rti_alloc(fans + 1, sizeof *c->plans, user);       /* the root is one even if it is an atom */
+    if (!c->fans || !c->plans) return false;
+    rti_spread_fans(c);
+    rti_plan_wides(c);
+    return true;
+}
+
+RTI_INLINE void rti_end_collapse(rti_collapse *c, void *user)
+{
+    rti_release(c->marks, user);
+    rti_release(c->fans, user);
+    rti_release(c->plans, user);
+}
+
+#if RTI_PACKETS
+typedef struct { rt_accel *accel; const rti_collapse *collapse; } rti_wide_job;
 
 static void rti_fill_octet(rti_octet *octet, const rti_triangle *triangles, uint32_t count)
 {
@@ -3266,17 +3361,18 @@ static void rti_fill_wide(const rti_wide_job *job, const rti_wide_plan *plan, rt
     uint32_t inner = plan->wide, octet = plan->octet;
     int i, k;
     for (i = 0; i < RTI_CHILDREN; i++) {
-        const uint32_t child = plan->children[i];
+        const uint32_t child = plan->children[i], mark = child != RTI_END ? job->collapse->marks[child] : 0;
         const rti_node *node = child != RTI_END ? &accel->nodes[child] : NULL;
         for (k = 0; k < 6; k++) wide->bounds[k][i] = node ? node->bounds[k] : k < 3 ? RTI_INFINITY : -RTI_INFINITY;
         wide->index[i] = 0;
         wide->count[i] = node ? 0 : RTI_NO_CHILD;
         if (!node) continue;
-        if (job->sizes[child]) {
+        if (mark > RTI_ATOM) {
+            const uint32_t count = mark & ~RTI_ATOM;
             while (!node->count) node = &accel->nodes[node->index];             /* the first slot */
-            wide->count[i] = RTI_TRIANGLE << RTI_KIND_SHIFT | job->sizes[child];
+            wide->count[i] = RTI_TRIANGLE << RTI_KIND_SHIFT | count;
             wide->index[i] = accel->octets ? octet : node->index;
-            if (accel->octets) rti_fill_octet(&accel->octets[octet++], accel->triangles + node->index, job->sizes[child]);
+            if (accel->octets) rti_fill_octet(&accel->octets[octet++], accel->triangles + node->index, count);
         } else if (node->count) {
             wide->count[i] = node->count;
             wide->index[i] = node->index;
@@ -3289,37 +3385,30 @@ static void rti_fill_wides(void *context, size_t chunk)
     const rti_wide_job *job = (const rti_wide_job *)context;
     const size_t size = RTI_CHUNK / 32, first = chunk * size, left = job->accel->wide_count - first;
     size_t i;
-    for (i = first; i < first + (left < size ? left : size); i++) rti_fill_wide(job, &job->plans[i], &job->accel->wides[i]);
+    for (i = first; i < first + (left < size ? left : size); i++) rti_fill_wide(job, &job->collapse->plans[i], &job->accel->wides[i]);
 }
 
 static rt_status rti_build_wide(rt_accel *accel, const rt_build_options *opt)
 {
     const size_t line = 64, size = RTI_CHUNK / 32;  /* a line of the cache: nodes and octets start at one; wide nodes filled together */
+    rti_collapse c;
     rti_wide_job job;
-    uint8_t *sizes = (uint8_t *)rti_alloc(accel->node_count, 1, accel->memory_user);
-    size_t bytes = 0, most = 1, i;
     job.accel = accel;
-    job.sizes = sizes;
-    job.plans = NULL;
-    if (sizes) {
-        rti_size_leaves(accel, sizes);
-        for (i = 1; i < accel->node_count; i++) most += !sizes[i] && !accel->nodes[i].count;
-        job.plans = (rti_wide_plan *)rti_alloc(most, sizeof(rti_wide_plan), accel->memory_user);
+    job.collapse = &c;
+    if (rti_begin_collapse(&c, accel, true, accel->memory_user) && c.wide_count + c.octet_count <= (SIZE_MAX - line) / sizeof(rti_octet)) {
+        const size_t bytes = c.wide_count * sizeof(rti_wide) + (opt->reference ? 0 : c.octet_count * sizeof(rti_octet)) + line;
+        char *at = (char *)(accel->wide_memory = rti_alloc(1, bytes, accel->memory_user));
+        if (at) {
+            at += (line - (uintptr_t)at % line) % line;
+            accel->wide_count = c.wide_count;
+            accel->octet_count = c.octet_count;
+            accel->wides = (rti_wide *)(void *)at;
+            if (!opt->reference) accel->octets = (rti_octet *)(void *)(at + c.wide_count * sizeof(rti_wide));
+            accel->bytes += bytes;
+            rti_for(opt->parallel_for, opt->parallel_user, (c.wide_count + size - 1) / size, rti_fill_wides, &job);
+        }
     }
-    if (job.plans) {
-        rti_collapse(accel, sizes, job.plans);
-        bytes = accel->wide_count * sizeof(rti_wide) + (opt->reference ? 0 : accel->octet_count * sizeof(rti_octet)) + line;
-        if (accel->wide_count + accel->octet_count <= (SIZE_MAX - line) / sizeof(rti_octet)) accel->wide_memory = rti_alloc(1, bytes, accel->memory_user);
-    }
-    if (accel->wide_memory) {
-        char *at = (char *)accel->wide_memory + (line - (uintptr_t)accel->wide_memory % line) % line;
-        accel->wides = (rti_wide *)(void *)at;
-        if (!opt->reference) accel->octets = (rti_octet *)(void *)(at + accel->wide_count * sizeof(rti_wide));
-        rti_for(opt->parallel_for, opt->parallel_user, (accel->wide_count + size - 1) / size, rti_fill_wides, &job);
-        accel->bytes += bytes;
-    }
-    rti_release(job.plans, accel->memory_user);
-    rti_release(sizes, accel->memory_user);
+    rti_end_collapse(&c, accel->memory_user);
     return accel->wides ? RT_OK : RT_ERROR_MEMORY;
 }
 #endif

@@ -893,36 +893,28 @@ static void rti_gpu_compress(const rti_wide *from, int count, rti_gpu_compact *t
 /* Collapses the binary tree; answers how many nodes there are, which are written unless to is NULL: a child's number is above its parent's. */
 static bool rti_widen(rt_gpu *gpu, const rt_accel *accel, void *to, size_t *count, uint32_t *depth)
 {
-    /* of each wide node: the binary node it stands for, and its depth; those to come wait behind it */
-    typedef struct { uint32_t node, depth; } waiting;
-    const size_t most = accel->node_count;
-    waiting *queue = (waiting *)rti_alloc(most, sizeof *queue, gpu->memory_user);
-    size_t done, n = 1;
-    if (!queue) return false;
-    *depth = 0;
-    queue[0].node = queue[0].depth = 0;
-    for (done = 0; done < n; done++) {
-        uint32_t children[8];
-        const int number = rti_open_children(accel, NULL, queue[done].node, children);
+    rti_collapse c;
+    const bool done = rti_begin_collapse(&c, accel, false, gpu->memory_user);
+    size_t at;
+    for (at = 0; done && to && at < c.wide_count; at++) {
+        uint32_t inner = c.plans[at].wide;
         rti_wide wide;
-        int i, k;
-        if (queue[done].depth > *depth) *depth = queue[done].depth;
-        for (i = 0; i < 8; i++) {
-            const rti_node *node = i < number ? &accel->nodes[children[i]] : NULL;
+        int i, k, number = 0;
+        for (i = 0; i < RTI_CHILDREN; i++) {
+            const uint32_t child = c.plans[at].children[i];
+            const rti_node *node = child != RTI_END ? &accel->nodes[child] : NULL;
             for (k = 0; k < 6; k++) wide.bounds[k][i] = node ? node->bounds[k] : k < 3 ? RTI_INFINITY : -RTI_INFINITY;
-            wide.index[i] = node ? node->index : 0;
+            wide.index[i] = node ? node->count ? node->index : inner++ : 0;
             wide.count[i] = node ? node->count : 0;
-            if (!node || node->count) continue;
-            wide.index[i] = (uint32_t)n;
-            queue[n].node = children[i];
-            queue[n++].depth = queue[done].depth + 1;
+            if (node) number++;
         }
-        if (to && gpu->info.gpu) rti_gpu_compress(&wide, number, (rti_gpu_compact *)to + done);
-        else if (to) ((rti_wide *)to)[done] = wide;
+        if (gpu->info.gpu) rti_gpu_compress(&wide, number, (rti_gpu_compact *)to + at);
+        else ((rti_wide *)to)[at] = wide;
     }
-    *count = n;
-    rti_release(queue, gpu->memory_user);
-    return true;
+    *count = c.wide_count;
+    *depth = c.depth;
+    rti_end_collapse(&c, gpu->memory_user);
+    return done;
 }
 
 /* ---- arrays */

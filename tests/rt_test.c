@@ -4269,6 +4269,91 @@ static void rtt_test_kd_info(void)
         }
 }
 
+#ifndef RT_NO_PACKETS
+/* Triangles below a node that one leaf of RT_BVH_WIDE may hold; 0: none may. */
+static uint32_t rtt_octet_size(const rt_accel *accel, uint32_t node)
+{
+    const rti_node *at = &accel->nodes[node];
+    uint32_t left, right;
+
+    if (at->count)
+        return rti_leaf_kind(at) == RTI_TRIANGLE ? rti_leaf_count(at) : 0;
+    left = rtt_octet_size(accel, at->index), right = rtt_octet_size(accel, at->index + 1);
+    return left && right && left + right <= RTI_CHILDREN ? left + right : 0;
+}
+
+/* Children of a wide node whose places run from node down to nodes of kept. */
+static uint32_t rtt_places(const rt_accel *accel, uint32_t node, const bool *kept)
+{
+    if (accel->nodes[node].count || kept[node] || rtt_octet_size(accel, node))
+        return 1;
+    return rtt_places(accel, accel->nodes[node].index, kept) + rtt_places(accel, accel->nodes[node].index + 1, kept);
+}
+
+/* Of all ways to collapse a small tree, the wide nodes have the least surface. */
+static void rtt_test_collapse(void)
+{
+    rtt_random random = rtt_stream();
+    size_t wides = 0;
+
+    for (int round = 0; round < 24; round++) {
+        rtt_model model = { 0 };
+        rt_geometry geometry;
+        rt_accel *accel;
+        uint32_t inner[64];
+        bool *kept;
+        double least = HUGE_VAL, sum;
+        int n = 0;
+
+        rtt_cloud(&model, &random, 20 + 4 * (size_t)round, rtt_origin, 1, 0.1f);
+        if (round % 4 == 3)
+            rtt_balls(&model, &random, 5, rtt_origin, 1, 0.2f);
+        geometry = rtt_geometry(&model);
+        if (!CHECK_STATUS(rt_build(&accel, &geometry, NULL), RT_OK))
+            return;
+        kept = (bool *)rtt_array(accel->node_count, sizeof *kept);
+        for (uint32_t i = 1; i < accel->node_count; i++)
+            if (!accel->nodes[i].count && !rtt_octet_size(accel, i) && n < 64)
+                inner[n++] = i;
+        for (uint32_t ways = 0; n <= 16 && ways < 1u << n; ways++) {
+            bool fits = true;
+            double area = rti_node_area(&accel->nodes[0]);
+
+            for (int i = 0; i < n; i++)
+                kept[inner[i]] = ways >> i & 1;
+            for (int i = -1; i < n && fits; i++) {
+                const uint32_t at = i < 0 ? 0 : inner[i];
+
+                if (i >= 0 && !kept[at])
+                    continue;
+                fits = accel->nodes[at].count || rtt_places(accel, accel->nodes[at].index, kept) + rtt_places(accel, accel->nodes[at].index + 1, kept) <= RTI_CHILDREN;
+                area += i < 0 ? 0 : rti_node_area(&accel->nodes[at]);
+            }
+            if (fits && area < least)
+                least = area;
+        }
+        sum = rti_node_area(&accel->nodes[0]);
+        for (size_t w = 0; w < accel->wide_count; w++)
+            for (int i = 0; i < RTI_CHILDREN; i++)
+                if (accel->wides[w].count[i] == 0) {
+                    rti_node node;
+
+                    for (int k = 0; k < 6; k++)
+                        node.bounds[k] = accel->wides[w].bounds[k][i];
+                    sum += rti_node_area(&node);
+                }
+        if (n <= 16 && !CHECK(fabs(sum - least) <= 1e-5 * least))
+            printf("    %zu wide nodes have %g, least is %g of %d binary ones\n", accel->wide_count, sum, least, n);
+        wides += n <= 16 ? accel->wide_count : 0;
+        free(kept);
+        rt_free(accel);
+        rtt_model_free(&model);
+    }
+    if (!CHECK(wides >= 30))
+        printf("    %zu wide nodes in all\n", wides);
+}
+#endif
+
 /* no_wide saves bytes; what then lacks says why, and single rays go on without. */
 static void rtt_test_no_wide(void)
 {
@@ -10755,6 +10840,9 @@ static const rtt_test rtt_tests[] = {
     { "kdtree.nested", rtt_test_kd_nested },
     { "kdtree.revisits", rtt_test_kd_revisits },
     { "kdtree.limits", rtt_test_kd_limits },
+#ifndef RT_NO_PACKETS
+    { "build.collapse", rtt_test_collapse },
+#endif
     { "build.no-wide", rtt_test_no_wide },
     { "kdtree.info", rtt_test_kd_info },
     { "kdtree.options", rtt_test_kd_options },
