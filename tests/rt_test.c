@@ -50,7 +50,7 @@ static void rtt_free(void *pointer, void *user);
 
 #ifndef RTT_SCALE
 #define RTT_SCALE 1                         /* of sanitizers, which are slow: divides the sizes of big builds and of many rays (never of a case in the
-                                               checksum); and where it is not 1, a third of the ways to trace is gone, by turns */
+                                               checksum); and where it is not 1, a fifth of the ways to trace is gone, by turns */
 #endif
 
 #define RTT_COUNT(array) (sizeof(array) / sizeof((array)[0]))
@@ -1199,8 +1199,8 @@ static void rtt_compare_ways(const char *what, const rt_accel *accel, const rtt_
     size_t calls = rtt_heap.calls, wrong = 0;
     rt_info info;
 
-    if (RTT_SCALE > 1 && every < 3)
-        every = 3;
+    if (RTT_SCALE > 1 && every < 5)
+        every = 5;
     rt_get_info(accel, &info);
     for (size_t w = 0; w < rtt_way_count; w++) {
         rtt_way *way = &rtt_ways[w];
@@ -1234,7 +1234,9 @@ static void rtt_compare_ways(const char *what, const rt_accel *accel, const rtt_
 
 static void rtt_compare_all(const char *what, const rt_accel *accel, const rtt_rays *rays, const rt_hit *want)
 {
-    rtt_compare_ways(what, accel, rays, want, true, 0, 1);
+    static size_t turn;
+
+    rtt_compare_ways(what, accel, rays, want, true, turn++, 1);
 }
 
 /* The tree's own invariants, then what rt_get_info says of it. */
