@@ -75,17 +75,19 @@ accuracy: $(B)/accuracy driver | out
 bench: $(B)/bench | out
 	$(B)/bench $(or $(BENCH),--paper all --svg out)
 
-# Two halves, side by side with -j2. Sanitizers see every test but those of OpenCL's drivers, which leak; of rt_gpu.h they see some; oclgrind, which does not know all of LLVM, sees every kernel, not optimised. Valgrind, 30 times slower, those that matter for memory; the thread sanitizer those with threads.
+# Three parts, side by side with -j3: two long ones, and one that ends early and leaves the processors to them. Sanitizers see every test but those of OpenCL's drivers, which leak; of rt_gpu.h they see some; oclgrind, which does not know all of LLVM, sees every kernel, not optimised. Valgrind, 30 times slower, those that matter for memory; the thread sanitizer those with threads.
 VALGRIND_TESTS = hits.mixed hits.spheres hits.short instances.deep instances.bad rays refit build.layouts build.quality kdtree.nested kdtree.options \
                  threaded.nested motion.bad ground.bad textures.check options stats shading raster.memory raster.errors raster.render loaders.obj.errors loaders.obj.numbers loaders.obj.textures loaders.nff
 GPU_TESTS      = gpu.mistakes gpu.log gpu.memory gpu.async gpu.cycles gpu.small.pictures gpu.pictures.mistakes
 OCLGRIND      ?= /usr/lib/oclgrind/liboclgrind-rt.so
 THREAD_TESTS   = threads build.parallel shading.render raster.render
-check: check-address check-others
+check: check-address check-others check-programs
 check-address: driver
-	$(MAKE) config=asan build/asan/rt_test build/asan/render build/asan/rt_fuzz
+	$(MAKE) config=asan build/asan/rt_test
 	build/asan/rt_test --no-gpu
 	ASAN_OPTIONS=detect_leaks=0 build/asan/rt_test $(GPU_TESTS)
+check-programs:
+	$(MAKE) config=asan build/asan/render build/asan/rt_fuzz
 	build/asan/rt_fuzz 300
 	build/asan/render rings:2 -o build/asan/rings.ppm --size 160x120
 check-others: $(B)/rt_test
@@ -133,4 +135,4 @@ help:
 	@echo "make fuzz       FUZZ=60 seconds of fuzzing the loaders, the builder and the traversals"
 	@echo "make clean      remove build/ and out/"
 
-.PHONY: all demo driver test test-most test-others accuracy bench gpu check check-address check-others fuzz matrix clean help
+.PHONY: all demo driver test test-most test-others accuracy bench gpu check check-address check-others check-programs fuzz matrix clean help
