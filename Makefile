@@ -27,7 +27,8 @@ need   = $(call get,command -v $(1),$(1),$(2))
 opencl = $(call get,ls /etc/OpenCL/vendors/*.icd,OpenCL,pocl-opencl-icd ocl-icd-libopencl1)
 export POCL_CACHE_DIR ?= $(CURDIR)/build/pocl
 
-all: $(B)/render $(B)/animate $(B)/hello $(B)/gpu_hello $(B)/bench $(B)/accuracy $(B)/rt_test
+# the longest to compile first, so that no processor is idle at the end
+all: $(B)/rt_test $(B)/accuracy $(B)/bench $(B)/animate $(B)/render $(B)/hello $(B)/gpu_hello
 
 COMPILE = $(CC) -std=c99 $(WARN) $(FLAGS_$(config)) $(CFLAGS) -I. -MMD -MP -MF $@.d -o $@ $<
 $(B)/%: examples/%.c | $(B)
