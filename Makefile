@@ -35,7 +35,11 @@ $(B)/%: examples/%.c | $(B)
 	$(COMPILE) $(LIBS)
 $(B)/%: tests/%.c | $(B)
 	$(COMPILE) $(LIBS)
-$(B)/bench $(B)/accuracy: $(B)/%: tests/%.c | $(B)
+# built anew where Embree has come or gone since
+$(B)/embree: FORCE | $(B)
+	@echo "$(EMBREE)" | cmp -s - $@ || echo "$(EMBREE)" >$@
+FORCE:
+$(B)/bench $(B)/accuracy: $(B)/%: tests/%.c $(B)/embree | $(B)
 	$(COMPILE) $(if $(EMBREE),-DRT_BENCH_EMBREE -lembree3) $(LIBS)
 $(B) out:
 	@mkdir -p $@
@@ -73,7 +77,10 @@ accuracy: $(B)/accuracy driver | out
 	$(call need,gnuplot,gnuplot-nox)
 	$(B)/accuracy --gpu --report out
 
-bench: $(B)/bench | out
+# Embree comes in where it can be installed; bench says when it is not there
+bench: | out
+	-$(call get,test -n "$(EMBREE)",Embree,libembree-dev)
+	$(MAKE) $(B)/bench
 	$(B)/bench $(or $(BENCH),--paper all --svg out)
 
 # Three parts, side by side with -j3: two long ones, and one that ends early and leaves the processors to them. Sanitizers see every test but those of OpenCL's drivers, which leak; of rt_gpu.h they see some; oclgrind, which does not know all of LLVM, sees every kernel, not optimised. Valgrind, 30 times slower, those that matter for memory; the thread sanitizer those with threads.
@@ -136,4 +143,4 @@ help:
 	@echo "make fuzz       FUZZ=60 seconds of fuzzing the loaders, the builder and the traversals"
 	@echo "make clean      remove build/ and out/"
 
-.PHONY: all demo driver test test-most test-others accuracy bench gpu check check-address check-others check-programs fuzz matrix clean help
+.PHONY: FORCE all demo driver test test-most test-others accuracy bench gpu check check-address check-others check-programs fuzz matrix clean help

@@ -50,7 +50,7 @@ static void rtt_free(void *pointer, void *user);
 
 #ifndef RTT_SCALE
 #define RTT_SCALE 1                         /* of sanitizers, which are slow: divides the sizes of big builds and of many rays (never of a case in the
-                                               checksum); and where it is not 1, a fifth of the ways to trace is gone, by turns */
+                                               checksum); and where it is not 1, one in five ways to trace is tried, by turns */
 #endif
 
 #define RTT_COUNT(array) (sizeof(array) / sizeof((array)[0]))
