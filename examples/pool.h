@@ -17,14 +17,24 @@ typedef struct pool {
     pthread_cond_t wake, idle;
     pthread_t *threads;
     int thread_count;                       /* started; the thread that calls pool_for works too */
-    int working;                            /* threads that have not finished the loop at hand */
+    int working;                            /* threads that have not finished the loop at hand; atomic */
     bool stop;
-    size_t round;                           /* how many loops there have been: tells a thread that a new one is there */
+    size_t round;                           /* how many loops there have been: tells a thread that a new one is there; atomic */
     void (*body)(void *context, size_t index);      /* of the loop at hand; NULL between loops */
     void *context;
     size_t count;
     size_t next;                            /* the next index to hand out; atomic */
 } pool;
+
+#define POOL_LOOKS 4000                     /* some 50 microseconds */
+
+/* What is waited for often comes at once, and to sleep and be woken takes longer than many a loop: so a thread looks a few times first. */
+POOL_API void pool_pause(void)
+{
+#if defined(__x86_64__) || defined(__i386__)
+    __builtin_ia32_pause();
+#endif
+}
 
 /* Runs calls of the loop at hand until none is left. The lock must not be held. */
 POOL_API void pool_work(pool *p, size_t count, void (*body)(void *context, size_t index), void *context)
@@ -47,7 +57,11 @@ POOL_API void *pool_thread(void *pool_pointer)
         void (*body)(void *context, size_t index);
         void *context;
         size_t count;
+        int looks;
 
+        pthread_mutex_unlock(&p->lock);
+        for (looks = 0; looks < POOL_LOOKS && __atomic_load_n(&p->round, __ATOMIC_RELAXED) == seen; looks++) pool_pause();
+        pthread_mutex_lock(&p->lock);
         while (!p->stop && p->round == seen) pthread_cond_wait(&p->wake, &p->lock);
         if (p->stop) break;
         seen = p->round;
@@ -57,7 +71,7 @@ POOL_API void *pool_thread(void *pool_pointer)
         pthread_mutex_unlock(&p->lock);
         pool_work(p, count, body, context);
         pthread_mutex_lock(&p->lock);
-        if (--p->working == 0) pthread_cond_signal(&p->idle);
+        if (__atomic_sub_fetch(&p->working, 1, __ATOMIC_RELAXED) == 0) pthread_cond_signal(&p->idle);
     }
     pthread_mutex_unlock(&p->lock);
     return NULL;
@@ -125,6 +139,7 @@ POOL_API void pool_for(void *pool_pointer, size_t count, void (*body)(void *cont
     pool *p = (pool *)pool_pointer;
     bool alone;
     size_t i;
+    int looks;
 
     pthread_mutex_lock(&p->lock);
     alone = p->body != NULL || p->thread_count == 0 || count < 2;
@@ -132,9 +147,9 @@ POOL_API void pool_for(void *pool_pointer, size_t count, void (*body)(void *cont
         p->body = body;
         p->context = context;
         p->count = count;
-        p->working = p->thread_count;
+        __atomic_store_n(&p->working, p->thread_count, __ATOMIC_RELAXED);
         __atomic_store_n(&p->next, 0, __ATOMIC_RELAXED);
-        p->round++;
+        __atomic_store_n(&p->round, p->round + 1, __ATOMIC_RELAXED);
         pthread_cond_broadcast(&p->wake);
     }
     pthread_mutex_unlock(&p->lock);
@@ -143,6 +158,7 @@ POOL_API void pool_for(void *pool_pointer, size_t count, void (*body)(void *cont
         return;
     }
     pool_work(p, count, body, context);
+    for (looks = 0; looks < POOL_LOOKS && __atomic_load_n(&p->working, __ATOMIC_RELAXED) > 0; looks++) pool_pause();
     pthread_mutex_lock(&p->lock);
     while (p->working > 0) pthread_cond_wait(&p->idle, &p->lock);
     p->body = NULL;
