@@ -12814,22 +12814,30 @@ RTI_FN void rti_crowd_packets(const rt_accel *accel, const rti_job *job, const r
                               rti_packet *packets)
 {
     const size_t size = (size_t)job->side * (size_t)job->side;
+    unsigned char lengths[RTI_CROWD];
+    size_t begins[RTI_CROWD];
     for (; first < last; first += size) {
-        const int n = last - first < size ? (int)(last - first) : (int)size;
+        const size_t end = last - first < size ? last : first + size;
+        size_t at;
         int groups = 0, i;
-        for (i = 0; i < n; i += RTI_WIDTH, groups++) {
+        for (at = first; at < end; at += RTI_WIDTH) {
+            const int n = end - at < RTI_WIDTH ? (int)(end - at) : RTI_WIDTH;
             rti_packet *p = &packets[groups];
-            p->live = rti_prepare(accel, p, rti_take_rays(accel, job, rays, first + (size_t)i, n - i < RTI_WIDTH ? n - i : RTI_WIDTH, p), false);
+            p->live = rti_prepare(accel, p, rti_take_rays(accel, job, rays, at, n, p), false);
             p->found = 0;
 #if RTI_STATS
             if (job->stats) job->stats->rays += (uint64_t)rti_bit_count(p->live);
 #endif
+            if (p->live && p->uniform) {
+                begins[groups] = at;
+                lengths[groups++] = (unsigned char)n;
+            } else rti_give_hits(job, p, rti_walk(accel, p, p->live, RT_NONE, job), hits, at, n);       /* of several octants: at once, while it is near */
         }
         if (!rti_is_empty(accel)) rti_walk_crowd(accel, packets, groups, RT_NONE, job);
-        for (i = groups = 0; i < n; i += RTI_WIDTH, groups++) {
-            const size_t at = first + (size_t)i;
+        for (i = 0; i < groups; i++) {
+            at = begins[i];
             if (at + 3 * size < count && !job->from) rti_fetch(rays + at + 2 * size, hits + at + size);
-            rti_give_hits(job, &packets[groups], packets[groups].found, hits, at, n - i < RTI_WIDTH ? n - i : RTI_WIDTH);
+            rti_give_hits(job, &packets[i], packets[i].found, hits, at, lengths[i]);
         }
     }
 }
