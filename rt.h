@@ -2180,6 +2180,9 @@ typedef struct {
 
 static size_t rti_slice_total(size_t count) { return (count + RTI_SLICE - 1) / RTI_SLICE; }
 
+/* Where one begins: they are of about one size, so that threads are done at the same time. */
+static size_t rti_slice_first(size_t count, size_t slice) { return (size_t)((uint64_t)count * slice / rti_slice_total(count)); }
+
 /* SAH's answer to whether a node of so many refs is split. */
 RTI_INLINE bool rti_split_pays(const rti_builder *b, const rti_box *box, size_t count, const rti_split *split)
 {
@@ -2227,9 +2230,9 @@ RTI_INLINE rti_box rti_centroids_of(const rti_ref *refs, size_t count)
 static size_t rti_slice_range(const rti_builder *b, size_t slice, rti_ref **refs)
 {
     const rti_work *work = &b->top->work;
-    const size_t first = slice * RTI_SLICE, left = work->count - first;
+    const size_t first = rti_slice_first(work->count, slice);
     *refs = (b->top->moved ? b->spare : b->refs) + work->first + first;
-    return left < RTI_SLICE ? left : RTI_SLICE;
+    return rti_slice_first(work->count, slice + 1) - first;
 }
 
 static void rti_slice_bounds(void *context, size_t i)
@@ -2313,7 +2316,7 @@ static void rti_split_top(rti_builder *b, const rti_top *top, rti_top halves[2])
     next[1] = split.left_count;
     for (i = 0; i < slices; i++) {
         rti_slice *slice = &b->slices[i];
-        const size_t count = i + 1 < slices ? RTI_SLICE : work->count - i * RTI_SLICE;
+        const size_t count = rti_slice_first(work->count, i + 1) - rti_slice_first(work->count, i);
         size_t left = 0;
         for (j = 0; j < split.bin; j++) left += slice->bins.count[j][split.axis];
         memcpy(slice->next, next, sizeof next);
@@ -2732,13 +2735,21 @@ static rt_status rti_number_instances(rt_accel *accel, const rt_geometry *geo, r
     return RT_OK;
 }
 
-typedef struct { rt_accel *accel; const rt_geometry *geo; } rti_fill;
+/* prims: of slots in order, stride apart; NULL: they are in place. */
+typedef struct { rt_accel *accel; const rt_geometry *geo; const uint32_t *prims; size_t stride; } rti_fill;
 
 static void rti_fill_chunk(void *context, size_t chunk)
 {
-    rti_fill *fill = (rti_fill *)context;
-    size_t i = chunk * RTI_CHUNK, n = fill->accel->slots[RTI_TRIANGLE], end = n - i < RTI_CHUNK ? n : i + RTI_CHUNK;
-    for (; i < end; i++) rti_fill_triangle(&fill->accel->triangles[i], fill->geo);
+    const rti_fill *fill = (const rti_fill *)context;
+    const rt_accel *accel = fill->accel;
+    size_t i = chunk * RTI_CHUNK, n = accel->slots[RTI_TRIANGLE], end = n - i < RTI_CHUNK ? n : i + RTI_CHUNK;
+    for (; i < end; i++) {
+        if (accel->triangle_ids) accel->triangle_ids[i] = fill->prims[i * fill->stride];
+        else {
+            if (fill->prims) accel->triangles[i].prim = fill->prims[i * fill->stride];
+            rti_fill_triangle(&accel->triangles[i], fill->geo);
+        }
+    }
 }
 
 /* Allocates the arrays of each kind and fills them with prims[0], prims[stride], ... which stand in leaf order. */
@@ -2747,8 +2758,11 @@ static bool rti_fill_slots(rt_accel *accel, const rt_geometry *geo, const rt_bui
 {
     const bool reference = opt->reference;
     void *user = accel->memory_user;
+    const bool mixed = rti_sphere_count(geo) || rti_instance_count(geo);
     size_t i, next[RTI_KINDS] = { 0, 0, 0 };
-    for (i = 0; i < count; i++) accel->slots[rti_kind_of(geo, prims[i * stride])]++;
+    rti_fill fill;
+    if (!mixed) accel->slots[RTI_TRIANGLE] = count;
+    for (i = 0; i < count && mixed; i++) accel->slots[rti_kind_of(geo, prims[i * stride])]++;
     if (reference) accel->triangle_ids = (uint32_t *)rti_alloc(accel->slots[RTI_TRIANGLE], sizeof(uint32_t), user);
     else accel->triangles = (rti_triangle *)rti_alloc(accel->slots[RTI_TRIANGLE], sizeof(rti_triangle), user);
     if (!accel->triangles && !accel->triangle_ids) return false;
@@ -2768,7 +2782,7 @@ static bool rti_fill_slots(rt_accel *accel, const rt_geometry *geo, const rt_bui
         accel->bytes += accel->slots[RTI_INSTANCE] * sizeof(rti_instance);
     }
 #endif
-    for (i = 0; i < count; i++) {           /* leaves of one kind stand in ref order: slots count up */
+    for (i = 0; i < count && mixed; i++) {  /* leaves of one kind stand in ref order: slots count up */
         uint32_t prim = prims[i * stride];
         int kind = rti_kind_of(geo, prim);
         size_t slot = next[kind]++;
@@ -2799,10 +2813,11 @@ static bool rti_fill_slots(rt_accel *accel, const rt_geometry *geo, const rt_bui
         default: break;
         }
     }
-    if (!reference) {
-        rti_fill fill;
+    if (!reference || !mixed) {
         fill.accel = accel;
         fill.geo = geo;
+        fill.prims = mixed ? NULL : prims;
+        fill.stride = stride;
         rti_for(opt->parallel_for, opt->parallel_user, rti_chunk_total(accel->slots[RTI_TRIANGLE]), rti_fill_chunk, &fill);
     }
     return true;
@@ -3183,9 +3198,8 @@ out:
    together; else the number of its rti_fan. */
 #define RTI_ATOM 0x80000000u
 
-/* least: surface of the wide nodes in what is below, if that takes so many places more than one. left: how many of them the left child then
-   gets; 0: one place less is as good; [0]: of all the places of a wide node. */
-typedef struct { float least[RTI_CHILDREN - 1]; uint8_t left[RTI_CHILDREN - 1]; } rti_fan;
+/* The least surface of wide nodes in what is below and itself, if it takes at most one place, or so many more. */
+typedef struct { float least[RTI_CHILDREN - 1]; } rti_fan;
 
 /* A wide node to be: which binary nodes its children are (RTI_END: none), and the numbers of the first of them that is a wide node, which
    is above its own, and of the first octet. */
@@ -3218,23 +3232,21 @@ static uint32_t rti_mark_atoms(rti_collapse *c, bool octets)
     return fans;
 }
 
-RTI_INLINE float rti_least_of(const rti_collapse *c, uint32_t node, int places)
+RTI_INLINE const float *rti_fan_of(const rti_collapse *c, uint32_t node)
 {
-    return c->marks[node] & RTI_ATOM ? 0 : c->fans[c->marks[node]].least[places - 1];
+    static const float atom[RTI_CHILDREN - 1] = { 0 };
+    return c->marks[node] & RTI_ATOM ? atom : c->fans[c->marks[node]].least;
 }
 
-/* The least when the two children of a node share so many places, and how many of them the left one gets. */
-RTI_INLINE float rti_share_places(const rti_collapse *c, const rti_node *node, int places, uint8_t *left)
+/* The least when two children share so many places. */
+RTI_INLINE float rti_share_places(const float *left, const float *right, int places)
 {
-    float least = rti_least_of(c, node->index, 1) + rti_least_of(c, node->index + 1, places - 1);
+    float least = left[0] + right[places - 2];
     int k;
-    *left = 1;
+    RTI_UNROLL
     for (k = 2; k < places; k++) {
-        const float sum = rti_least_of(c, node->index, k) + rti_least_of(c, node->index + 1, places - k);
-        if (sum < least) {
-            least = sum;
-            *left = (uint8_t)k;
-        }
+        const float sum = left[k - 1] + right[places - k - 1];
+        least = sum < least ? sum : least;
     }
     return least;
 }
@@ -3243,19 +3255,20 @@ static void rti_spread_fans(rti_collapse *c)
 {
     const double all = rti_node_area(&c->accel->nodes[0]), unit = all > 0 ? 1 / all : 0;
     size_t i;
-    int places;
+    int k;
     for (i = c->accel->node_count; i-- > 0;) {
         const rti_node *node = &c->accel->nodes[i];
-        rti_fan *fan;
+        const float *left, *right;
+        float *least;
         if (c->marks[i] & RTI_ATOM) continue;
-        fan = &c->fans[c->marks[i]];
-        fan->least[0] = rti_share_places(c, node, RTI_CHILDREN, &fan->left[0]) + (float)(rti_node_area(node) * unit);
-        for (places = 2; places < RTI_CHILDREN; places++) {
-            float *least = &fan->least[places - 1];
-            *least = rti_share_places(c, node, places, &fan->left[places - 1]);
-            if (*least < least[-1]) continue;
-            *least = least[-1];
-            fan->left[places - 1] = 0;
+        least = c->fans[c->marks[i]].least;
+        left = rti_fan_of(c, node->index);
+        right = rti_fan_of(c, node->index + 1);
+        least[0] = rti_share_places(left, right, RTI_CHILDREN) + (float)(rti_node_area(node) * unit);
+        RTI_UNROLL
+        for (k = 1; k < RTI_CHILDREN - 1; k++) {
+            const float shared = rti_share_places(left, right, k + 1);
+            least[k] = shared < least[k - 1] ? shared : least[k - 1];
         }
     }
 }
@@ -3268,20 +3281,24 @@ static int rti_open_children(const rti_collapse *c, uint32_t root, uint32_t chil
     stack[0].node = root;
     stack[0].places = RTI_CHILDREN;
     while (top) {
-        const uint32_t node = stack[--top].node;
-        const rti_fan *fan = c->marks[node] & RTI_ATOM ? NULL : &c->fans[c->marks[node]];
-        int places = stack[top].places, left;
-        if (fan && places < RTI_CHILDREN)
-            while (places > 1 && !fan->left[places - 1]) places--;
-        if (!fan || places == 1) {
+        const uint32_t node = stack[--top].node, below = c->accel->nodes[node].index;
+        const float *least = rti_fan_of(c, node), *left, *right;
+        int places = stack[top].places, k = 1;
+        float shared;
+        if (c->marks[node] & RTI_ATOM) places = 1;
+        while (places > 1 && places < RTI_CHILDREN && least[places - 1] == least[places - 2]) places--;      /* as good without one */
+        if (places == 1) {
             children[n++] = node;
             continue;
         }
-        left = fan->left[places < RTI_CHILDREN ? places - 1 : 0];
-        stack[top].node = c->accel->nodes[node].index + 1;
-        stack[top++].places = places - left;
-        stack[top].node = c->accel->nodes[node].index;
-        stack[top++].places = left;
+        left = rti_fan_of(c, below);
+        right = rti_fan_of(c, below + 1);
+        shared = rti_share_places(left, right, places);
+        while (k < places - 1 && left[k - 1] + right[places - k - 1] > shared) k++;
+        stack[top].node = below + 1;
+        stack[top++].places = places - k;
+        stack[top].node = below;
+        stack[top++].places = k;
     }
     return n;
 }
