@@ -3190,15 +3190,16 @@ out:
 
 /* ---- >>collapse ----------------------------------------------------------------------------------------------------- */
 
-/* From the binary tree to nodes with up to RTI_CHILDREN children, see RT_BVH_WIDE ([Dammertz]). Which binary nodes stay, each with its children from
-   several levels below, is so chosen that their surfaces together, and with them how many of them rays visit, are least ([Ylitie] 3.1): bottom
-   up, the least is found for each number of places that a binary node may take among its parent's children. */
+/* From the binary tree to nodes with up to RTI_CHILDREN children, see RT_BVH_WIDE ([Dammertz]). Which binary nodes stay, each with children from
+   several levels below, is so chosen that their surfaces together, and so how many of them rays visit, are least ([Ylitie] 3.1): bottom up, the
+   least is found for each number of places that a binary node may take among its parent's children. */
 
 /* What is known of a binary node: RTI_ATOM, if it stays whole, as a leaf, and then how many triangles are below it if they are to fill an octet
    together; else the number of its rti_fan. */
 #define RTI_ATOM 0x80000000u
 
-/* The least surface of wide nodes in what is below and itself, if it takes at most one place, or so many more. */
+/* Of a node that is no atom: the least surface, over the root's, of the wide nodes made of it and of all below, by how many places it takes at
+   most: [0] one, as a wide node itself, to all but one. */
 typedef struct { float least[RTI_CHILDREN - 1]; } rti_fan;
 
 /* A wide node to be: which binary nodes its children are (RTI_END: none), and the numbers of the first of them that is a wide node, which
@@ -3214,8 +3215,8 @@ typedef struct {
     uint32_t depth;                         /* of the deepest wide node */
 } rti_collapse;
 
-/* octets: leaves are of as many triangles as an octet holds, since it is tested at once however full it is; else those of the binary tree. Answers
-   how many nodes are no atoms. */
+/* octets: leaves are of as many triangles as an octet holds, since it is tested at once however full it is; else those of the binary tree.
+   Answers how many nodes are no atoms. */
 static uint32_t rti_mark_atoms(rti_collapse *c, bool octets)
 {
     uint32_t fans = 0;
@@ -10976,8 +10977,8 @@ RTI_NOINLINE RTI_TARGET void rti_gather_octet(const rt_accel *accel, uint32_t fi
     }
 }
 
-/* From a node, or, with a count, a leaf on: depth first, the nearest child first. What waits lies on a stack, the nearest on top, and is looked at again only where the ray still reaches
-   it. */
+/* From a node, or, with a count, a leaf on: depth first, the nearest child first. What waits lies on a stack, the nearest on top, and is
+   looked at again only where the ray still reaches it. */
 RTI_FN unsigned rti_wide_body(const rt_accel *accel, rti_packet *p, int lane, uint32_t index, uint32_t count, uint32_t inst, const int flags,
                               const rti_job *job)
 {
@@ -12525,7 +12526,8 @@ RTI_NOINLINE RTI_TARGET void rti_walk_crowd(const rt_accel *accel, rti_packet *r
         rti_crowd c;
         for (list = 0; i < count; i++) {
             const rti_packet *q = &rays[i];
-            if (left >> i & 1 && q->uniform && q->side[0] == p->side[0] && q->side[1] == p->side[1] && q->side[2] == p->side[2]) list |= (uint64_t)1 << i;
+            if (!(left >> i & 1) || !q->uniform) continue;
+            if (q->side[0] == p->side[0] && q->side[1] == p->side[1] && q->side[2] == p->side[2]) list |= (uint64_t)1 << i;
         }
         if (!p->uniform || !(list & (list - 1))) {
             alone |= left & (~left + 1);
@@ -12848,7 +12850,7 @@ RTI_FN void rti_crowd_packets(const rt_accel *accel, const rti_job *job, const r
             if (p->live && p->uniform) {
                 begins[groups] = at;
                 lengths[groups++] = (unsigned char)n;
-            } else rti_give_hits(job, p, rti_walk(accel, p, p->live, RT_NONE, job), hits, at, n);       /* of several octants: at once, while it is near */
+            } else rti_give_hits(job, p, rti_walk(accel, p, p->live, RT_NONE, job), hits, at, n);   /* of several octants: while it is near */
         }
         if (!rti_is_empty(accel)) rti_walk_crowd(accel, packets, groups, RT_NONE, job);
         for (i = 0; i < groups; i++) {
