@@ -9563,6 +9563,84 @@ static void rtt_test_animate(void)
     loader_clear();
 }
 
+/* The part of the sky that vertex k of a triangle of the floor, x from the wall at its corners, sees: a wall of height 1 takes (1 - x / sqrt(x^2 + 1)) / 2. */
+static void rtt_add_sky(const float x[3], int k, double *sky, double *weight)
+{
+    for (int i = 0; i < 200; i++)
+        for (int j = 0; j < 200 - i; j++) {
+            const double w[3] = { 1 - (i + j + 0.66) / 200, (i + 0.33) / 200, (j + 0.33) / 200 };
+            const double at = w[0] * (double)x[0] + w[1] * (double)x[1] + w[2] * (double)x[2];
+
+            *sky += w[k] * (1 + at / sqrt(at * at + 1)) / 2;
+            *weight += w[k];
+        }
+}
+
+static void rtt_test_bake(void)
+{
+    static const char *const bad[][2] = {
+        { "cornell --rays 0", "--rays" }, { "cornell --rays 4097", "1 to 4096" }, { "cornell --distance 0", "--distance" }, { "cornell --distance inf", "--distance" },
+        { "cornell -o x.png", ".ply or .obj" }, { "cornell --bogus", "unknown option" }, { "cornell --seed", "needs a value" }, { "--quiet", "no scene" },
+        { "cornell sphere:100", "two scenes" }, { "cornell --two-sided=1", "takes no value" }, { "no/such.obj", "no/such.obj" },
+        { "cornell -o no/such/folder/x.ply", "no/such/folder/x.ply" },
+    };
+    char said[4096], command[2048], base[512];
+    double sky[2] = { 0, 0 }, weight[2] = { 0, 0 };
+
+    if (access("build/bake", X_OK) != 0)
+        return;                             /* of another configuration: not built there */
+    snprintf(base, sizeof base, "%s", loader_path("b"));
+    loader_write("ball.nff", "f 1 1 1 1 0 0 0 1\ns 0 0 0 1\n");
+    snprintf(command, sizeof command, "-o '%s.ply' '%s'", base, loader_path("ball.nff"));
+    CHECK(rtt_run_program("bake", command, said, sizeof said) != 0 && strstr(said, "no triangles"));
+    for (size_t i = 0; i < RTT_COUNT(bad); i++) {
+        snprintf(command, sizeof command, "-o '%s.ply' %s", base, bad[i][0]);
+        CHECK(rtt_run_program("bake", command, said, sizeof said) != 0);
+        if (!strstr(said, bad[i][1]))
+            rtt_fail("bake %s: %s", bad[i][0], said);
+        CHECK(access(loader_path("b.ply"), F_OK) != 0);
+    }
+
+    /* a box sees nothing inside and all outside, whatever the threads */
+    for (int inward = 0; inward < 2; inward++) {
+        loader_write("box.obj", inward ? "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\nv 1 1 1\n"
+                                         "f 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 2 6 8 4\n"
+                                       : "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\nv 1 1 1\n"
+                                         "f 3 4 2 1\nf 6 8 7 5\nf 2 6 5 1\nf 7 8 4 3\nf 5 7 3 1\nf 4 8 6 2\n");
+        for (int two = 0; two < 2; two++) {
+            snprintf(command, sizeof command, "-o '%s.obj' '%s' --threads 3 --quiet%s", base, loader_path("box.obj"), two ? " --two-sided" : "");
+            CHECK(rtt_run_program("bake", command, said, sizeof said) == 0 && said[0] == '\0');
+            if (!CHECK(loader_load(loader_path("b.obj")) && loader.s.geometry.vertex_count == 8 && loader.s.geometry.triangle_count == 12 && loader.s.colors))
+                return;
+            for (size_t i = 0; i < 8; i++)
+                CHECK(loader.s.colors[i].x == (inward && !two ? 0.0f : 1.0f));
+            loader_unload();
+        }
+    }
+    for (int threads = 1; threads < 4; threads += 2) {
+        snprintf(command, sizeof command, "-o '%s%d.ply' rings:1 --rays 32 --threads %d --seed 3", base, threads, threads);
+        CHECK(rtt_run_program("bake", command, said, sizeof said) == 0 && strstr(said, "Mrays/s"));
+    }
+    CHECK(rtt_same_files("b1.ply", "b3.ply"));
+
+    /* a long floor beside a wall of height 1: what its vertices are to see is known */
+    loader_write("wall.obj", "v 0 -200 0\nv 2 -200 0\nv 2 200 0\nv 0 200 0\nv 0 -200 1\nv 0 200 1\nv 0 -200 0\nv 0 200 0\nf 1 2 3\nf 1 3 4\nf 7 8 6 5\n");
+    snprintf(command, sizeof command, "-o '%s.obj' '%s' --rays 4096 --quiet", base, loader_path("wall.obj"));
+    CHECK(rtt_run_program("bake", command, said, sizeof said) == 0);
+    if (CHECK(loader_load(loader_path("b.obj")) && loader.s.colors)) {
+        const float first[3] = { 0, 2, 2 }, second[3] = { 0, 2, 0 };
+
+        rtt_add_sky(first, 0, &sky[0], &weight[0]);
+        rtt_add_sky(second, 0, &sky[0], &weight[0]);
+        rtt_add_sky(first, 1, &sky[1], &weight[1]);
+        for (int k = 0; k < 2; k++)
+            if (!CHECK(fabs((double)loader.s.colors[k].x - sky[k] / weight[k]) < 0.01))
+                printf("    vertex %d: %g, not %g\n", k, (double)loader.s.colors[k].x, sky[k] / weight[k]);
+        loader_unload();
+    }
+    loader_clear();
+}
+
 /* ---- leaving a surface: the long forms are in accuracy.c */
 
 /* The origin lies within the stated bounds of the hit, on the side asked for; the next ray does not meet the surface, but what is near. */
@@ -10887,6 +10965,7 @@ static const rtt_test rtt_tests[] = {
     { "programs.imp", rtt_test_imp },
     { "programs.animate", rtt_test_animate },
     { "programs.report", rtt_test_report },
+    { "programs.bake", rtt_test_bake },
     { "spawn", rtt_test_spawn },
     { "refine.estimate", rtt_test_refine_estimate },
     { "refine.bias", rtt_test_refine_bias },
