@@ -1665,7 +1665,8 @@ static size_t rti_gpu_kernel_number(const rt_gpu *gpu, rti_cl kernel, rti_cl_uin
 static rt_status rti_gpu_compile(rt_gpu *gpu, const rti_gpu_key *key, rti_gpu_program **out, rt_error *error)
 {
     const char *const *const names = rti_gpu_kernel_names[key->kind];
-    const char *const flags = gpu->info.exact ? "-cl-std=CL1.2 -cl-fp32-correctly-rounded-divide-sqrt " : "-cl-std=CL1.2 ";
+    /* -w: what PoCL's compiler says of vectors wider than the processor's goes to stderr */
+    const char *const flags = gpu->info.exact ? "-cl-std=CL1.2 -w -cl-fp32-correctly-rounded-divide-sqrt " : "-cl-std=CL1.2 -w ";
     const size_t length = strlen(flags) + strlen(gpu->flags) + 1;
     rti_gpu_program *program = (rti_gpu_program *)rti_alloc(1, sizeof *program, gpu->memory_user);
     char *all = (char *)rti_alloc(length, 1, gpu->memory_user);
