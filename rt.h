@@ -12833,7 +12833,6 @@ RTI_FN void rti_crowd_packets(const rt_accel *accel, const rti_job *job, const r
                               rti_packet *packets)
 {
     const size_t size = (size_t)job->side * (size_t)job->side;
-    unsigned char lengths[RTI_CROWD];
     size_t begins[RTI_CROWD];
     for (; first < last; first += size) {
         const size_t end = last - first < size ? last : first + size;
@@ -12847,16 +12846,14 @@ RTI_FN void rti_crowd_packets(const rt_accel *accel, const rti_job *job, const r
 #if RTI_STATS
             if (job->stats) job->stats->rays += (uint64_t)rti_bit_count(p->live);
 #endif
-            if (p->live && p->uniform) {
-                begins[groups] = at;
-                lengths[groups++] = (unsigned char)n;
-            } else rti_give_hits(job, p, rti_walk(accel, p, p->live, RT_NONE, job), hits, at, n);   /* of several octants: while it is near */
+            if (p->live && p->uniform) begins[groups++] = at;
+            else rti_give_hits(job, p, rti_walk(accel, p, p->live, RT_NONE, job), hits, at, n);   /* of several octants: while it is near */
         }
         if (!rti_is_empty(accel)) rti_walk_crowd(accel, packets, groups, RT_NONE, job);
         for (i = 0; i < groups; i++) {
             at = begins[i];
             if (at + 3 * size < count && !job->from) rti_fetch(rays + at + 2 * size, hits + at + size);
-            rti_give_hits(job, &packets[i], packets[i].found, hits, at, lengths[i]);
+            rti_give_hits(job, &packets[i], packets[i].found, hits, at, end - at < RTI_WIDTH ? (int)(end - at) : RTI_WIDTH);
         }
     }
 }
