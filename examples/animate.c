@@ -14,48 +14,27 @@ static void *count_malloc(size_t size) { __atomic_fetch_add(&allocations, 1, __A
 #include "../rt.h"
 #define RT_GPU_IMPLEMENTATION
 #include "../rt_gpu.h"
+static const char program[] = "animate";
 #include "pool.h"
 #include "scene.h"
+#include "options.h"
 
-#include <errno.h>
 #include <fcntl.h>
 #include <math.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
-#include <time.h>
 #include <unistd.h>
 
 #define TILE 64                             /* pixels a side that a thread draws at once: a multiple of the library's blocks */
 #define MAX_FRAMES 1000000
 #define MAX_CROWD 1000000
 
-static bool fail(const char *format, ...)
-{
-    va_list arguments;
-
-    fputs("animate: ", stderr);
-    va_start(arguments, format);
-    vfprintf(stderr, format, arguments);
-    va_end(arguments);
-    fputc('\n', stderr);
-    return false;
-}
-
-static double seconds_now(void)
-{
-    struct timespec now;
-
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (double)now.tv_sec + (double)now.tv_nsec * 1e-9;
-}
-
 /* ---- >>options ------------------------------------------------------------------------------------------------------ */
 
 enum { LENS, SOFT, GLOSS, BLUR, BUMP, EFFECTS };
 static const char *const effect_names[EFFECTS] = { "lens", "soft", "gloss", "blur", "bump" };
 
-typedef struct {
+struct options {
     const char *prefix, *obj;
     int frames, first, width, height, spp, depth, threads, crowd, packet;
     float fps;
@@ -66,32 +45,11 @@ typedef struct {
     const rt_algorithm_info *algorithm;
     rt_sampler_kind sampler;
     uint32_t seed;
-} options;
+};
 
 #define NAME_OF(name, text) text,
 static const char *const structure_names[] = { RT_STRUCTURE_LIST(NAME_OF) };
 static const char *const sampler_names[] = { RT_SAMPLER_LIST(NAME_OF) };
-
-static int find_name(const char *text, const char *const *names, int count)
-{
-    int i = 0;
-
-    while (i < count && strcmp(text, names[i]) != 0) i++;
-    return i;
-}
-
-static bool read_int(const char *text, char end, long low, long high, int *value, const char **rest)
-{
-    char *stop;
-    long number;
-
-    errno = 0;
-    number = strtol(text, &stop, 10);
-    if (stop == text || *stop != end || errno != 0 || number < low || number > high) return false;
-    *value = (int)number;
-    if (rest) *rest = stop + 1;
-    return true;
-}
 
 static bool set_output(options *o, const char *text)  { o->prefix = text; return text[0] && strlen(text) < 3000; }
 static bool set_obj(options *o, const char *text)     { o->obj = text; return text[0]; }
@@ -167,11 +125,7 @@ static bool set_without(options *o, const char *text)
 }
 
 #define LISTED(name, text) " " text
-static const struct {
-    const char *name, *value;
-    bool (*set)(options *, const char *);
-    const char *help, *range;
-} option_table[] = {
+static const option option_table[] = {
     { "-o",          "PREFIX", set_output,    "of the pictures' names (default out/animate)",       "a path" },
     { "--frames",    "N",      set_frames,    "how many (default 24)",                              "1 to 1000000" },
     { "--first",     "K",      set_first,     "number of the first one (default 0)",                "0 to 2147483647" },
@@ -199,20 +153,7 @@ enum { OPTIONS = sizeof option_table / sizeof option_table[0] };
 
 static bool parse_options(options *o, int argc, char **argv)
 {
-    int i, row;
-
-    for (i = 1; i < argc; i++) {
-        const char *equals = strchr(argv[i], '='), *value = equals ? equals + 1 : NULL;
-        const size_t length = equals ? (size_t)(equals - argv[i]) : strlen(argv[i]);
-
-        for (row = 0; row < OPTIONS; row++)
-            if (strlen(option_table[row].name) == length && strncmp(argv[i], option_table[row].name, length) == 0) break;
-        if (row == OPTIONS) return fail("unknown option '%s'; see --help", argv[i]);
-        if (!option_table[row].value && value) return fail("%s takes no value", option_table[row].name);
-        if (option_table[row].value && !value && !(value = argv[++i])) return fail("%s needs a value: %s", option_table[row].name,
-                                                                                   option_table[row].range);
-        if (!option_table[row].set(o, value)) return fail("%s '%s': must be %s", option_table[row].name, value, option_table[row].range);
-    }
+    if (!read_options(o, option_table, OPTIONS, argc, argv, NULL)) return false;
     if (o->structure == RT_STRUCTURE_COUNT)
         o->structure = o->algorithm->structure == RT_STRUCTURE_COUNT ? RT_BVH : o->algorithm->structure;
     if (o->first > INT_MAX - o->frames) return fail("--first %d: its %d frames pass number %d", o->first, o->frames, INT_MAX);
@@ -221,15 +162,8 @@ static bool parse_options(options *o, int argc, char **argv)
 
 static void print_help(void)
 {
-    int i;
-
     puts("usage: animate [options]\n\nRenders a moving scene of imps, balls and lamps to PREFIX0000.ppm, PREFIX0001.ppm ...\n\noptions:");
-    for (i = 0; i < OPTIONS; i++) {
-        char left[40];
-
-        snprintf(left, sizeof left, "%s %s", option_table[i].name, option_table[i].value ? option_table[i].value : "");
-        printf("  %-18s %s\n", left, option_table[i].help);
-    }
+    print_options(option_table, OPTIONS);
 }
 
 /* ---- >>scene -------------------------------------------------------------------------------------------------------- */

@@ -6,62 +6,27 @@
 #define _POSIX_C_SOURCE 200809L
 #define RT_IMPLEMENTATION
 #include "../rt.h"
+static const char program[] = "bake";
 #include "pool.h"
 #include "scene.h"
+#include "options.h"
 
-#include <errno.h>
 #include <math.h>
-#include <stdarg.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
-#include <time.h>
 #include <unistd.h>
 
 #define MAX_RAYS 4096
 #define BLOCK 16                            /* triangles that a thread takes at once */
 
-__attribute__((format(printf, 1, 2)))
-static bool fail(const char *format, ...)
-{
-    va_list arguments;
-
-    fputs("bake: ", stderr);
-    va_start(arguments, format);
-    vfprintf(stderr, format, arguments);
-    va_end(arguments);
-    fputc('\n', stderr);
-    return false;
-}
-
-static double seconds_now(void)
-{
-    struct timespec now;
-
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (double)now.tv_sec + (double)now.tv_nsec * 1e-9;
-}
-
 /* ---- >>options ------------------------------------------------------------------------------------------------------ */
 
-typedef struct {
+struct options {
     const char *scene, *output;
     int rays, threads, seed;
     float distance;
     bool two_sided, quiet, help;
-} options;
-
-static bool parse_int(const char *text, int low, int high, int *out)
-{
-    char *end;
-    long value;
-
-    errno = 0;
-    value = strtol(text, &end, 10);
-    if (end == text || *end || errno || value < low || value > high) return false;
-    *out = (int)value;
-    return true;
-}
+};
 
 static bool set_output(options *o, const char *text)
 {
@@ -71,29 +36,18 @@ static bool set_output(options *o, const char *text)
     return dot && (strcmp(dot, ".ply") == 0 || strcmp(dot, ".obj") == 0);
 }
 
-static bool set_distance(options *o, const char *text)
-{
-    char *end;
-
-    o->distance = strtof(text, &end);
-    return end != text && !*end && o->distance > 0 && o->distance <= FLT_MAX;
-}
-
-static bool set_rays(options *o, const char *text) { return parse_int(text, 1, MAX_RAYS, &o->rays); }
-static bool set_threads(options *o, const char *text) { return parse_int(text, 1, 1024, &o->threads); }
-static bool set_seed(options *o, const char *text) { return parse_int(text, 0, 2147483647, &o->seed); }
+static bool set_distance(options *o, const char *text) { return read_float(text, '\0', &o->distance, NULL) && o->distance > 0; }
+static bool set_rays(options *o, const char *text) { return read_int(text, '\0', 1, MAX_RAYS, &o->rays, NULL); }
+static bool set_threads(options *o, const char *text) { return read_int(text, '\0', 1, 1024, &o->threads, NULL); }
+static bool set_seed(options *o, const char *text) { return read_int(text, '\0', 0, 2147483647, &o->seed, NULL); }
 static bool set_two_sided(options *o, const char *text) { (void)text; return o->two_sided = true; }
 static bool set_quiet(options *o, const char *text) { (void)text; return o->quiet = true; }
 static bool set_help(options *o, const char *text) { (void)text; return o->help = true; }
 
-static const struct {
-    const char *name, *value;
-    bool (*set)(options *, const char *);
-    const char *help, *range;
-} option_table[] = {
+static const option option_table[] = {
     { "-o",          "FILE", set_output,    "where to (default out/bake.ply)",                              "a path that ends in .ply or .obj" },
     { "--rays",      "N",    set_rays,      "a triangle (default 256)",                                     "1 to 4096" },
-    { "--distance",  "D",    set_distance,  "farther surfaces hide nothing (default: all do)",              "above 0" },
+    { "--distance",  "D",    set_distance,  "farther surfaces hide nothing (default: all do)",              "above 0, up to 1e18" },
     { "--two-sided", NULL,   set_two_sided, "a triangle takes its side that sees more: for careless winding", NULL },
     { "--seed",      "N",    set_seed,      "other noise (default 0)",                                      "0 to 2147483647" },
     { "--threads",   "N",    set_threads,   "worker threads (default: all processors)",                     "1 to 1024" },
@@ -104,40 +58,14 @@ enum { OPTIONS = sizeof option_table / sizeof option_table[0] };
 
 static bool parse_options(options *o, int argc, char **argv)
 {
-    int i, row;
-
-    for (i = 1; i < argc; i++) {
-        const char *equals = strchr(argv[i], '='), *value = equals ? equals + 1 : NULL;
-        const size_t length = equals ? (size_t)(equals - argv[i]) : strlen(argv[i]);
-
-        if (argv[i][0] != '-') {
-            if (o->scene) return fail("two scenes, '%s' and '%s'; see --help", o->scene, argv[i]);
-            o->scene = argv[i];
-            continue;
-        }
-        for (row = 0; row < OPTIONS; row++)
-            if (strlen(option_table[row].name) == length && strncmp(argv[i], option_table[row].name, length) == 0) break;
-        if (row == OPTIONS) return fail("unknown option '%s'; see --help", argv[i]);
-        if (!option_table[row].value && value) return fail("%s takes no value", option_table[row].name);
-        if (option_table[row].value && !value && !(value = argv[++i])) return fail("%s needs a value: %s", option_table[row].name,
-                                                                                   option_table[row].range);
-        if (!option_table[row].set(o, value)) return fail("%s '%s': must be %s", option_table[row].name, value, option_table[row].range);
-    }
-    return o->scene || o->help || fail("no scene is given; see --help");
+    return read_options(o, option_table, OPTIONS, argc, argv, &o->scene) && (o->scene || o->help || fail("no scene given; see --help"));
 }
 
 static void print_help(void)
 {
-    int i;
-
     puts("usage: bake [options] SCENE\n\nTraces how much of the sky each triangle of SCENE sees, and writes it as grey vertex colours. SCENE is an\n"
          "OBJ or NFF file, or one of the procedural scenes that render --help lists. What render shows of the OBJ is the result.\n\noptions:");
-    for (i = 0; i < OPTIONS; i++) {
-        char left[40];
-
-        snprintf(left, sizeof left, "%s %s", option_table[i].name, option_table[i].value ? option_table[i].value : "");
-        printf("  %-14s %s\n", left, option_table[i].help);
-    }
+    print_options(option_table, OPTIONS);
 }
 
 /* ---- >>bake --------------------------------------------------------------------------------------------------------- */

@@ -8,8 +8,10 @@
 #include "../rt.h"
 #define RT_GPU_IMPLEMENTATION
 #include "../rt_gpu.h"
+static const char program[] = "render";
 #include "pool.h"
 #include "scene.h"
+#include "options.h"
 #include "refine.h"
 
 #include <errno.h>
@@ -32,34 +34,13 @@
 #define MAX_THREADS 1024
 #define TILE        64                      /* pixels a side, a multiple of the library's blocks: some hundred tiles a picture */
 
-/* Says what is wrong, in one line; false, so that a caller can return it. */
-static bool fail(const char *format, ...)
-{
-    va_list arguments;
-
-    fputs("render: ", stderr);
-    va_start(arguments, format);
-    vfprintf(stderr, format, arguments);
-    va_end(arguments);
-    fputc('\n', stderr);
-    return false;
-}
-
 static const char *reason(rt_status status, const rt_error *error) { return error->message[0] ? error->message : rt_status_string(status); }
-
-static double seconds_now(void)
-{
-    struct timespec now;
-
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (double)now.tv_sec + (double)now.tv_nsec * 1e-9;
-}
 
 /* ---- >>options ------------------------------------------------------------------------------------------------------ */
 
 typedef struct { bool given; rt_vec3 value; } point;
 
-typedef struct {
+struct options {
     const char *scene_name, *output;
     int width, height, spp, depth, threads; /* spp 0: see --help; threads 0: all processors */
     rt_structure structure;                 /* RT_STRUCTURE_COUNT until it is known */
@@ -86,7 +67,7 @@ typedef struct {
     float error, seconds;                   /* where to stop; 0: at spp */
     bool adaptive;
     bool quiet, help;
-} options;
+};
 
 /* Is the picture drawn in rounds? */
 static bool refines(const options *o) { return o->report || o->error > 0 || o->seconds > 0 || o->adaptive; }
@@ -97,39 +78,6 @@ static const char *const cull_names[] = { RT_CULL_LIST(NAME_OF) };
 static const char *const sampler_names[] = { RT_SAMPLER_LIST(NAME_OF) };
 static const char *const filter_names[] = { RT_FILTER_LIST(NAME_OF) };
 static const char *const bounds_names[] = { RT_BOUNDS_LIST(NAME_OF) };
-
-/* The place of text among names, or count. */
-static int find_name(const char *text, const char *const *names, int count)
-{
-    int i = 0;
-
-    while (i < count && strcmp(text, names[i]) != 0) i++;
-    return i;
-}
-
-/* An integer from low to high that ends at the character end. */
-static bool read_int(const char *text, char end, int low, int high, int *value, const char **rest)
-{
-    char *stop;
-    long number;
-
-    errno = 0;
-    number = strtol(text, &stop, 10);
-    if (stop == text || *stop != end || errno != 0 || number < low || number > high) return false;
-    *value = (int)number;
-    if (rest) *rest = stop + 1;
-    return true;
-}
-
-static bool read_float(const char *text, char end, float *value, const char **rest)
-{
-    char *stop;
-
-    *value = strtof(text, &stop);
-    if (stop == text || *stop != end || !(fabsf(*value) <= RT_MAX_COORDINATE)) return false;
-    if (rest) *rest = stop + 1;
-    return true;
-}
 
 static bool read_point(const char *text, point *out)
 {
@@ -265,11 +213,7 @@ static bool set_algorithm(options *o, const char *text)
 #define TEXT(number) TEXT_(number)
 
 /* Parsing, --help and the messages about bad values all come from this table. */
-static const struct {
-    const char *name, *value;               /* value NULL: takes none */
-    bool (*set)(options *, const char *);
-    const char *help, *range;
-} option_table[] = {
+static const option option_table[] = {
     { "-o",          "FILE.ppm", set_output,    "the picture (default out.ppm)",                     "a file name" },
     { "--size",      "WxH",      set_size,      "pixels (default 800x600)",
       "WxH, each 1 to " TEXT(MAX_SIDE) ", at most " TEXT(MAX_PIXELS) " pixels together" },
@@ -317,39 +261,9 @@ static const struct {
 };
 #define OPTION_COUNT (sizeof option_table / sizeof option_table[0])
 
-/* Is argument "name" or "name=..."? */
-static bool names_option(const char *argument, const char *name)
-{
-    size_t length = strlen(name);
-
-    return strncmp(argument, name, length) == 0 && (argument[length] == '\0' || argument[length] == '=');
-}
-
 static bool parse_options(options *o, int argc, char **argv)
 {
-    int i;
-
-    for (i = 1; i < argc; i++) {
-        const char *argument = argv[i], *value;
-        size_t row = 0;
-
-        if (argument[0] != '-') {
-            if (o->scene_name) return fail("two scenes given, '%s' and '%s'; one picture at a time", o->scene_name, argument);
-            o->scene_name = argument;
-            continue;
-        }
-        while (row < OPTION_COUNT && !names_option(argument, option_table[row].name)) row++;
-        if (row == OPTION_COUNT) return fail("unknown option '%s'; see --help", argument);
-        value = strchr(argument, '=');
-        if (value) value++;
-        if (option_table[row].value == NULL) {
-            if (value) return fail("%s takes no value", option_table[row].name);
-        } else if (value == NULL) {
-            if (++i == argc) return fail("%s needs a value: %s", option_table[row].name, option_table[row].range);
-            value = argv[i];
-        }
-        if (!option_table[row].set(o, value)) return fail("%s '%s': must be %s", option_table[row].name, value, option_table[row].range);
-    }
+    if (!read_options(o, option_table, OPTION_COUNT, argc, argv, &o->scene_name)) return false;
     if (o->help) return true;
     if (!o->scene_name) return fail("no scene given; see --help");
     if (!o->spp) o->spp = o->error > 0 || o->seconds > 0 ? MAX_SPP : 4;
@@ -370,11 +284,7 @@ static void print_help(void)
            "procedural scene:\n\n%s\n"
            "options (--name value or --name=value):\n",
            scene_procedural_list());
-    for (i = 0; i < OPTION_COUNT; i++) {
-        char left[32];
-        snprintf(left, sizeof left, "%s %s", option_table[i].name, option_table[i].value ? option_table[i].value : "");
-        printf("  %-18s %s\n", left, option_table[i].help);
-    }
+    print_options(option_table, OPTION_COUNT);
     printf("\nalgorithms, and the structure and the packet widths that each takes:\n");
     for (i = 0; (info = rt_algorithm_get(i)) != NULL; i++) {
         int widths[16], count = (int)rt_packet_widths(info->algorithm, widths, 16), k;

@@ -1,0 +1,132 @@
+/* options.h - the command lines of the programs: a table of options, read and printed.    SPDX-License-Identifier: MIT OR Unlicense
+   Before the include a program names itself, static const char program[] = "bake"; after it, it defines struct options. */
+
+#ifndef OPTIONS_H
+#define OPTIONS_H
+
+#include <errno.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#define OPTIONS_API static __attribute__((unused))  /* a program need not call all of them */
+
+typedef struct options options;             /* what the program was asked for */
+
+typedef struct {
+    const char *name, *value;               /* "--size", "WxH"; value NULL: it takes none */
+    bool (*set)(options *o, const char *text);      /* false: text is out of range */
+    const char *help, *range;
+} option;
+
+/* Says what is wrong, in one line; false, so that a caller can return it. */
+__attribute__((format(printf, 1, 2)))
+OPTIONS_API bool fail(const char *format, ...)
+{
+    va_list arguments;
+
+    fprintf(stderr, "%s: ", program);
+    va_start(arguments, format);
+    vfprintf(stderr, format, arguments);
+    va_end(arguments);
+    fputc('\n', stderr);
+    return false;
+}
+
+OPTIONS_API double seconds_now(void)
+{
+    struct timespec now;
+
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + (double)now.tv_nsec * 1e-9;
+}
+
+/* The place of text among names, or count. */
+OPTIONS_API int find_name(const char *text, const char *const *names, int count)
+{
+    int i = 0;
+
+    while (i < count && strcmp(text, names[i]) != 0) i++;
+    return i;
+}
+
+/* An integer from low to high that ends at the character end. */
+OPTIONS_API bool read_int(const char *text, char end, int low, int high, int *value, const char **rest)
+{
+    char *stop;
+    long number;
+
+    errno = 0;
+    number = strtol(text, &stop, 10);
+    if (stop == text || *stop != end || errno != 0 || number < low || number > high) return false;
+    *value = (int)number;
+    if (rest) *rest = stop + 1;
+    return true;
+}
+
+/* A number up to RT_MAX_COORDINATE, sign aside, likewise. */
+OPTIONS_API bool read_float(const char *text, char end, float *value, const char **rest)
+{
+    char *stop;
+
+    *value = strtof(text, &stop);
+    if (stop == text || *stop != end || !(fabsf(*value) <= RT_MAX_COORDINATE)) return false;
+    if (rest) *rest = stop + 1;
+    return true;
+}
+
+/* Is argument "name" or "name=..."? */
+static bool names_option(const char *argument, const char *name)
+{
+    size_t length = strlen(name);
+
+    return strncmp(argument, name, length) == 0 && (argument[length] == '\0' || argument[length] == '=');
+}
+
+/* Sets what the arguments say, as --name value or --name=value. operand: where a scene goes, which may be
+   given once; NULL: nowhere. */
+OPTIONS_API bool read_options(options *o, const option *table, size_t count, int argc, char **argv, const char **operand)
+{
+    int i;
+
+    for (i = 1; i < argc; i++) {
+        const char *argument = argv[i], *value;
+        size_t row = 0;
+
+        if (operand && argument[0] != '-') {
+            if (*operand) return fail("two scenes given, '%s' and '%s'; one at a time", *operand, argument);
+            *operand = argument;
+            continue;
+        }
+        while (row < count && !names_option(argument, table[row].name)) row++;
+        if (row == count) return fail("unknown option '%s'; see --help", argument);
+        value = strchr(argument, '=');
+        if (value) value++;
+        if (table[row].value == NULL) {
+            if (value) return fail("%s takes no value", table[row].name);
+        } else if (value == NULL) {
+            if (++i == argc) return fail("%s needs a value: %s", table[row].name, table[row].range);
+            value = argv[i];
+        }
+        if (!table[row].set(o, value)) return fail("%s '%s': must be %s", table[row].name, value, table[row].range);
+    }
+    return true;
+}
+
+OPTIONS_API void print_options(const option *table, size_t count)
+{
+    size_t i;
+
+    for (i = 0; i < count; i++) {
+        char left[40];
+
+        snprintf(left, sizeof left, "%s %s", table[i].name, table[i].value ? table[i].value : "");
+        printf("  %-18s %s\n", left, table[i].help);
+    }
+}
+
+#endif /* OPTIONS_H */
