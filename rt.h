@@ -737,6 +737,11 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #else
 #define RTI_PLANES 1
 #endif
+#ifdef RT_NO_BVH
+#define RTI_BVH 0
+#else
+#define RTI_BVH 1
+#endif
 #ifdef RT_NO_THREADED
 #define RTI_THREADED 0
 #else
@@ -767,6 +772,10 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #else
 #define RTI_PACKETS 1
 #endif
+#define RTI_WIDES (RTI_PACKETS && RTI_BVH)      /* wide nodes and large packets */
+#if !RTI_BVH && !RTI_KDTREE && !RTI_THREADED
+#error "rt.h: RT_NO_BVH, RT_NO_KDTREE and RT_NO_THREADED leave no structure to build"
+#endif
 #if !defined(RT_NO_SIMD) && (defined(__x86_64__) || defined(_M_X64) || (defined(__i386__) && defined(__SSE2__)))
 #define RTI_X86 1
 #include <immintrin.h>
@@ -776,16 +785,28 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #else
 #define RTI_X86 0
 #endif
+#if RTI_X86 && !RTI_MSVC && !defined(__OPTIMIZE_SIZE__)
+#define RTI_SINGLE_FMA 1                    /* single rays twice, with fma too: little is gained, and fmaf of MSVC is a call */
+#else
+#define RTI_SINGLE_FMA 0
+#endif
 
+/* RTI_HOT: what traversals are made of, inlined whatever the compiler thinks. RTI_INLINE: too, but where -Os asks for little code. */
 #if defined(__GNUC__) || defined(__clang__)
-#define RTI_INLINE static inline __attribute__((always_inline, unused))
+#define RTI_HOT static inline __attribute__((always_inline, unused))
+#ifdef __OPTIMIZE_SIZE__
+#define RTI_INLINE static inline __attribute__((unused))
+#else
+#define RTI_INLINE RTI_HOT
+#endif
 #define RTI_NOINLINE static __attribute__((noinline, unused))
 #define RTI_ALIGNED(n) __attribute__((aligned(n)))
 #define RTI_UNLIKELY(x) __builtin_expect(!!(x), 0)
 #define RTI_PREFETCH(p) __builtin_prefetch(p, 0, 3)
 #define RTI_PRINTF(text, first) __attribute__((format(printf, text, first)))
 #else
-#define RTI_INLINE static __forceinline
+#define RTI_HOT static __forceinline
+#define RTI_INLINE RTI_HOT
 #define RTI_NOINLINE static __declspec(noinline)
 #define RTI_ALIGNED(n) __declspec(align(n))
 #define RTI_UNLIKELY(x) (x)
@@ -795,7 +816,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #endif
 
 /* Before a short loop of constant length: at -O2 gcc else keeps it a loop, and the arrays of vectors that it runs over in memory. */
-#if defined(__GNUC__) && !defined(__clang__)
+#if defined(__GNUC__) && !defined(__clang__) && !defined(__OPTIMIZE_SIZE__)
 #define RTI_UNROLL _Pragma("GCC unroll 8")
 #else
 #define RTI_UNROLL
@@ -1191,10 +1212,16 @@ typedef struct {
 } rti_instance;
 #endif
 
+typedef struct rti_job rti_job;
+typedef void (*rti_batch_function)(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits);
+
 struct rt_accel {
     rt_structure structure;
+    rti_batch_function single;              /* what traces a single ray, */
+    const rti_job *single_jobs;             /* by query, */
+    void (*single_walks[2])(void);          /* and, as rti_walker of its pass, what that walks the tree by: all as fits what the accel has */
     rti_node *nodes;                        /* RT_BVH: node_count of them, the root first; none when empty */
-#if RTI_PACKETS
+#if RTI_WIDES
     rti_wide *wides;                        /* the same tree for RT_BVH_WIDE, in wide_memory; NULL with opt->no_wide */
     rti_octet *octets;                      /* likewise; NULL with opt->reference */
     void *wide_memory;
@@ -1250,7 +1277,7 @@ RTI_INLINE void rti_set_bounds(rti_node *node, const rti_box *box)
 }
 
 /* Half the surface of its box. */
-static double rti_node_area(const rti_node *node)
+RTI_INLINE double rti_node_area(const rti_node *node)
 {
     rti_box box;
     memcpy(box.lo, node->bounds, 3 * sizeof(float));
@@ -1824,7 +1851,311 @@ static rt_status rti_gather_refs(rt_accel *accel, const rt_geometry *geo, const 
     return status;
 }
 
+/* ---- >>accel -------------------------------------------------------------------------------------------------------- */
+
+/* What an accel holds, whatever its tree. */
+
+static void rti_set_root(rt_accel *accel)
+{
+    int k;
+    for (k = 0; k < 3; k++) {
+        accel->lower[k] = accel->nodes ? accel->nodes[0].bounds[k] : RTI_INFINITY;
+        accel->upper[k] = accel->nodes ? accel->nodes[0].bounds[3 + k] : -RTI_INFINITY;
+    }
+}
+
+/* Slot contents from geo; prim ids are in place. */
+RTI_INLINE void rti_fill_triangle(rti_triangle *t, const rt_geometry *geo) { (void)rti_fetch_triangle(geo, t->prim, t->v); }
+
+#if RTI_SPHERES
+RTI_INLINE void rti_fill_ball(rti_ball *ball, const rt_geometry *geo)
+{
+    const rt_sphere *s = &geo->spheres[ball->prim - geo->triangle_count];
+    ball->center[0] = s->center.x;
+    ball->center[1] = s->center.y;
+    ball->center[2] = s->center.z;
+    ball->radius = s->radius;
+}
+#endif
+
+#if RTI_INSTANCES
+static void rti_fill_instance(rti_instance *i, const rt_geometry *geo)
+{
+    const rt_instance *from = &geo->instances[i->prim - geo->triangle_count - rti_sphere_count(geo)];
+    i->accel = from->accel;
+    memcpy(i->transform, from->transform, sizeof i->transform);
+    (void)rti_invert(i->transform, i->inverse);
+    i->moves = from->motion != NULL;
+    if (from->motion) i->motion = *from->motion;
+}
+#endif
+
+#if RTI_PLANES
+static void rti_fill_plane(rti_ground *plane, const rt_geometry *geo)
+{
+    const rt_plane *from = &geo->planes[plane->prim - rti_tree_count(geo)];
+    plane->point[0] = from->point.x;
+    plane->point[1] = from->point.y;
+    plane->point[2] = from->point.z;
+    plane->normal[0] = from->normal.x;
+    plane->normal[1] = from->normal.y;
+    plane->normal[2] = from->normal.z;
+    plane->radius = from->radius;
+}
+
+/* The good ones of geo; answers how many are bad. */
+static size_t rti_fill_planes(rt_accel *accel, const rt_geometry *geo)
+{
+    size_t i, bad = 0;
+    accel->plane_count = 0;
+    accel->endless = false;
+    for (i = 0; i < geo->plane_count; i++) {
+        rti_ground *to = &accel->planes[accel->plane_count];
+        const size_t prim = rti_tree_count(geo) + i;
+        rti_box box;
+        int kind;
+        if (rti_prim_box(geo, prim, &box, &kind)) {
+            bad++;
+            continue;
+        }
+        to->prim = (uint32_t)prim;
+        rti_fill_plane(to, geo);
+        if (!(to->radius > 0)) accel->endless = true;
+        accel->plane_count++;
+    }
+    return bad;
+}
+
+static rt_status rti_build_planes(rt_accel *accel, const rt_geometry *geo, bool skip_invalid, rt_error *error)
+{
+    size_t i;
+    if (!geo->plane_count) return RT_OK;
+    for (i = 0; i < geo->plane_count && !skip_invalid; i++) {
+        rti_box box;
+        int kind;
+        if (rti_prim_box(geo, rti_tree_count(geo) + i, &box, &kind)) return rti_bad_prim(error, geo, rti_tree_count(geo) + i);
+    }
+    accel->planes = (rti_ground *)rti_alloc(geo->plane_count, sizeof *accel->planes, accel->memory_user);
+    if (!accel->planes) return RT_ERROR_MEMORY;
+    accel->bytes += geo->plane_count * sizeof *accel->planes;
+    accel->skipped += rti_fill_planes(accel, geo);
+    return RT_OK;
+}
+#endif
+
+/* How far, beyond its own box, rounding can carry a hit inside an instance: a ray from o errs by at most 2^-24 spread (|o| + extent) in
+   world space, see rti_prepare. Through one instance M the transformed origin and direction err by 2 units of 2^-24 each, stretched by C
+   = |M| |M^-1|; the child's own error (16 units of |o'| + extent', plus its spread) comes back stretched too. The child's underflows, of
+   the order of 1e-37, are stretched as well: counting at least 1e-31 as its extent covers them (2^-24 * 40 C * 2e-31 > 1e-37). A motion
+   rounds once more, and its rotation stretches the largest coordinate by up to sqrt(3) each way, move and pivot counting as
+   coordinates: 4 C, and 8 of what is largest, cover it. */
+static void rti_set_reach(rt_accel *accel)
+{
+    int k;
+    accel->extent = accel->spread = 0;
+    accel->nesting = 0;
+    for (k = 0; k < 3; k++) {
+        accel->outer_lower[k] = accel->lower[k];
+        accel->outer_upper[k] = accel->upper[k];
+    }
+#if RTI_PLANES
+    {
+        size_t i;
+        for (i = 0; i < accel->plane_count; i++) {
+            const rti_ground *plane = &accel->planes[i];
+            for (k = 0; k < 3 && plane->radius > 0; k++) {
+                const float lo = rti_float_down((double)plane->point[k] - (double)plane->radius);
+                const float hi = rti_float_up((double)plane->point[k] + (double)plane->radius);
+                if (lo < accel->outer_lower[k]) accel->outer_lower[k] = lo;
+                if (hi > accel->outer_upper[k]) accel->outer_upper[k] = hi;
+            }
+        }
+    }
+#endif
+    for (k = 0; k < 3 && accel->outer_lower[k] <= accel->outer_upper[k]; k++) {
+        float m = fabsf(accel->outer_lower[k]) > fabsf(accel->outer_upper[k]) ? fabsf(accel->outer_lower[k]) : fabsf(accel->outer_upper[k]);
+        if (m > accel->extent) accel->extent = m;
+    }
+#if RTI_INSTANCES
+    {
+        size_t i;
+        accel->moves = false;
+        for (i = 0; i < accel->slots[RTI_INSTANCE]; i++) {
+            const rti_instance *in = &accel->instances[i];
+            double stretch = rti_stretch(in->transform), c = stretch * rti_stretch(in->inverse);
+            double extent = stretch * ((double)in->accel->extent + 1e-31), spread = c * (40 + 2 * (double)in->accel->spread);
+            for (k = 0; k < 3; k++)
+                if (extent < fabs((double)in->transform[4 * k + 3])) extent = fabs((double)in->transform[4 * k + 3]);
+            extent *= 2;                    /* stretch * child + |translation| */
+            if (in->moves) {
+                const rt_motion *m = &in->motion;
+                const float far[] = { m->move.x, m->move.y, m->move.z, m->pivot.x, m->pivot.y, m->pivot.z };
+                for (k = 0; k < 6; k++)
+                    if (extent < fabs((double)far[k])) extent = fabs((double)far[k]);
+                extent *= 8;
+                spread = 4 * (spread + 8 * c);
+            }
+            if (in->moves || in->accel->moves) accel->moves = true;
+            if (extent > (double)accel->extent) accel->extent = rti_float_up(extent);
+            if (spread > (double)accel->spread) accel->spread = spread < 1e30 ? rti_float_up(spread) : 1e30f;
+            if (in->accel->nesting + 1 > accel->nesting) accel->nesting = in->accel->nesting + 1;
+        }
+    }
+#endif
+}
+
+static void rti_free_accel(rt_accel *accel)
+{
+    void *user = accel->memory_user;
+    rti_release(accel->nodes, user);
+#if RTI_WIDES
+    rti_release(accel->wide_memory, user);
+#endif
+#if RTI_KDTREE
+    rti_release(accel->kdnodes, user);
+    rti_release(accel->kdlinks, user);
+    rti_release(accel->kdslots, user);
+#endif
+#if RTI_THREADED
+    rti_release(accel->links, user);
+    rti_release(accel->instance_nodes, user);
+#endif
+    rti_release(accel->triangles, user);
+    rti_release(accel->triangle_ids, user);
+#if RTI_SPHERES
+    rti_release(accel->balls, user);
+    rti_release(accel->ball_ids, user);
+#endif
+#if RTI_PLANES
+    rti_release(accel->planes, user);
+#endif
+#if RTI_INSTANCES
+    rti_release(accel->instances, user);
+    rti_release(accel->instance_slots, user);
+    rti_release(accel->instance_bases, user);
+#endif
+    rti_release(accel, user);
+}
+
+/* Names every instance: base_0 = 0, base_(j+1) = base_j + 1 + paths(child_j). */
+static rt_status rti_number_instances(rt_accel *accel, const rt_geometry *geo, rt_error *error)
+{
+#if RTI_INSTANCES
+    uint64_t next = 0;
+    size_t i, n = geo->instance_count;
+    if (!n) return RT_OK;
+    accel->instance_slots = (uint32_t *)rti_alloc(n, sizeof(uint32_t), accel->memory_user);
+    accel->instance_bases = (uint32_t *)rti_alloc(n, sizeof(uint32_t), accel->memory_user);
+    if (!accel->instance_slots || !accel->instance_bases) return rti_fail(error, RT_ERROR_MEMORY, RT_NONE, "out of memory");
+    accel->bytes += 2 * n * sizeof(uint32_t);
+    for (i = 0; i < n; i++) {
+        const rt_accel *child = geo->instances[i].accel;
+        accel->instance_slots[i] = RT_NONE;
+        accel->instance_bases[i] = (uint32_t)next;
+        if (child && child->nesting + 1 > RT_MAX_NESTING)
+            return rti_fail(error, RT_ERROR_LIMIT, (uint32_t)(geo->triangle_count + rti_sphere_count(geo) + i),
+                            "instance %lu nests deeper than RT_MAX_NESTING (%d)", (unsigned long)i, RT_MAX_NESTING);
+        next += 1 + (child ? (uint64_t)child->paths : 0);
+        if (next >= RT_NONE) return rti_fail(error, RT_ERROR_LIMIT, RT_NONE, "more paths through nested instances than 32 bits can number");
+    }
+    accel->paths = (uint32_t)next;
+#else
+    (void)accel, (void)geo, (void)error;
+#endif
+    return RT_OK;
+}
+
+/* prims: of slots in order, stride apart; NULL: they are in place. */
+typedef struct { rt_accel *accel; const rt_geometry *geo; const uint32_t *prims; size_t stride; } rti_fill;
+
+static void rti_fill_chunk(void *context, size_t chunk)
+{
+    const rti_fill *fill = (const rti_fill *)context;
+    const rt_accel *accel = fill->accel;
+    size_t i = chunk * RTI_CHUNK, n = accel->slots[RTI_TRIANGLE], end = n - i < RTI_CHUNK ? n : i + RTI_CHUNK;
+    for (; i < end; i++) {
+        if (accel->triangle_ids) accel->triangle_ids[i] = fill->prims[i * fill->stride];
+        else {
+            if (fill->prims) accel->triangles[i].prim = fill->prims[i * fill->stride];
+            rti_fill_triangle(&accel->triangles[i], fill->geo);
+        }
+    }
+}
+
+/* Allocates the arrays of each kind and fills them with prims[0], prims[stride], ... which stand in leaf order. */
+static bool rti_fill_slots(rt_accel *accel, const rt_geometry *geo, const rt_build_options *opt, const uint32_t *prims, size_t stride,
+                           size_t count)
+{
+    const bool reference = opt->reference;
+    void *user = accel->memory_user;
+    const bool mixed = rti_sphere_count(geo) || rti_instance_count(geo);
+    size_t i, next[RTI_KINDS] = { 0, 0, 0 };
+    rti_fill fill;
+    if (!mixed) accel->slots[RTI_TRIANGLE] = count;
+    for (i = 0; i < count && mixed; i++) accel->slots[rti_kind_of(geo, prims[i * stride])]++;
+    if (reference) accel->triangle_ids = (uint32_t *)rti_alloc(accel->slots[RTI_TRIANGLE], sizeof(uint32_t), user);
+    else accel->triangles = (rti_triangle *)rti_alloc(accel->slots[RTI_TRIANGLE], sizeof(rti_triangle), user);
+    if (!accel->triangles && !accel->triangle_ids) return false;
+    accel->bytes += accel->slots[RTI_TRIANGLE] * (reference ? sizeof(uint32_t) : sizeof(rti_triangle));
+#if RTI_SPHERES
+    if (accel->slots[RTI_SPHERE]) {
+        if (reference) accel->ball_ids = (uint32_t *)rti_alloc(accel->slots[RTI_SPHERE], sizeof(uint32_t), user);
+        else accel->balls = (rti_ball *)rti_alloc(accel->slots[RTI_SPHERE], sizeof(rti_ball), user);
+        if (!accel->balls && !accel->ball_ids) return false;
+        accel->bytes += accel->slots[RTI_SPHERE] * (reference ? sizeof(uint32_t) : sizeof(rti_ball));
+    }
+#endif
+#if RTI_INSTANCES
+    if (accel->slots[RTI_INSTANCE]) {
+        accel->instances = (rti_instance *)rti_alloc(accel->slots[RTI_INSTANCE], sizeof(rti_instance), user);
+        if (!accel->instances) return false;
+        accel->bytes += accel->slots[RTI_INSTANCE] * sizeof(rti_instance);
+    }
+#endif
+    for (i = 0; i < count && mixed; i++) {  /* leaves of one kind stand in ref order: slots count up */
+        uint32_t prim = prims[i * stride];
+        int kind = rti_kind_of(geo, prim);
+        size_t slot = next[kind]++;
+        switch (kind) {
+        case RTI_TRIANGLE:
+            if (reference) accel->triangle_ids[slot] = prim;
+            else accel->triangles[slot].prim = prim;
+            break;
+#if RTI_SPHERES
+        case RTI_SPHERE:
+            if (reference) accel->ball_ids[slot] = prim;
+            else {
+                accel->balls[slot].prim = prim;
+                rti_fill_ball(&accel->balls[slot], geo);
+            }
+            break;
+#endif
+#if RTI_INSTANCES
+        case RTI_INSTANCE: {
+            size_t number = prim - geo->triangle_count - rti_sphere_count(geo);
+            accel->instances[slot].prim = prim;
+            accel->instances[slot].base = accel->instance_bases[number];
+            accel->instance_slots[number] = (uint32_t)slot;
+            rti_fill_instance(&accel->instances[slot], geo);
+            break;
+        }
+#endif
+        default: break;
+        }
+    }
+    if (!reference || !mixed) {
+        fill.accel = accel;
+        fill.geo = geo;
+        fill.prims = mixed ? NULL : prims;
+        fill.stride = stride;
+        rti_for(opt->parallel_for, opt->parallel_user, rti_chunk_total(accel->slots[RTI_TRIANGLE]), rti_fill_chunk, &fill);
+    }
+    return true;
+}
+
 /* ---- >>bins --------------------------------------------------------------------------------------------------------- */
+
+#if RTI_BVH || RTI_THREADED             /* threaded trees are BVHs first */
 
 /* Four floats side by side: x, y, z and one that does not matter, which in boxes of refs is a number. The same bits from SSE2 as from plain
    C, so that the trees are the same. */
@@ -2525,304 +2856,6 @@ static void rti_place_boughs(rti_builder *b)
     b->accel->node_count = next;
 }
 
-static void rti_set_root(rt_accel *accel)
-{
-    int k;
-    for (k = 0; k < 3; k++) {
-        accel->lower[k] = accel->nodes ? accel->nodes[0].bounds[k] : RTI_INFINITY;
-        accel->upper[k] = accel->nodes ? accel->nodes[0].bounds[3 + k] : -RTI_INFINITY;
-    }
-}
-
-/* Slot contents from geo; prim ids are in place. */
-RTI_INLINE void rti_fill_triangle(rti_triangle *t, const rt_geometry *geo) { (void)rti_fetch_triangle(geo, t->prim, t->v); }
-
-#if RTI_SPHERES
-RTI_INLINE void rti_fill_ball(rti_ball *ball, const rt_geometry *geo)
-{
-    const rt_sphere *s = &geo->spheres[ball->prim - geo->triangle_count];
-    ball->center[0] = s->center.x;
-    ball->center[1] = s->center.y;
-    ball->center[2] = s->center.z;
-    ball->radius = s->radius;
-}
-#endif
-
-#if RTI_INSTANCES
-static void rti_fill_instance(rti_instance *i, const rt_geometry *geo)
-{
-    const rt_instance *from = &geo->instances[i->prim - geo->triangle_count - rti_sphere_count(geo)];
-    i->accel = from->accel;
-    memcpy(i->transform, from->transform, sizeof i->transform);
-    (void)rti_invert(i->transform, i->inverse);
-    i->moves = from->motion != NULL;
-    if (from->motion) i->motion = *from->motion;
-}
-#endif
-
-#if RTI_PLANES
-static void rti_fill_plane(rti_ground *plane, const rt_geometry *geo)
-{
-    const rt_plane *from = &geo->planes[plane->prim - rti_tree_count(geo)];
-    plane->point[0] = from->point.x;
-    plane->point[1] = from->point.y;
-    plane->point[2] = from->point.z;
-    plane->normal[0] = from->normal.x;
-    plane->normal[1] = from->normal.y;
-    plane->normal[2] = from->normal.z;
-    plane->radius = from->radius;
-}
-
-/* The good ones of geo; answers how many are bad. */
-static size_t rti_fill_planes(rt_accel *accel, const rt_geometry *geo)
-{
-    size_t i, bad = 0;
-    accel->plane_count = 0;
-    accel->endless = false;
-    for (i = 0; i < geo->plane_count; i++) {
-        rti_ground *to = &accel->planes[accel->plane_count];
-        const size_t prim = rti_tree_count(geo) + i;
-        rti_box box;
-        int kind;
-        if (rti_prim_box(geo, prim, &box, &kind)) {
-            bad++;
-            continue;
-        }
-        to->prim = (uint32_t)prim;
-        rti_fill_plane(to, geo);
-        if (!(to->radius > 0)) accel->endless = true;
-        accel->plane_count++;
-    }
-    return bad;
-}
-
-static rt_status rti_build_planes(rt_accel *accel, const rt_geometry *geo, bool skip_invalid, rt_error *error)
-{
-    size_t i;
-    if (!geo->plane_count) return RT_OK;
-    for (i = 0; i < geo->plane_count && !skip_invalid; i++) {
-        rti_box box;
-        int kind;
-        if (rti_prim_box(geo, rti_tree_count(geo) + i, &box, &kind)) return rti_bad_prim(error, geo, rti_tree_count(geo) + i);
-    }
-    accel->planes = (rti_ground *)rti_alloc(geo->plane_count, sizeof *accel->planes, accel->memory_user);
-    if (!accel->planes) return RT_ERROR_MEMORY;
-    accel->bytes += geo->plane_count * sizeof *accel->planes;
-    accel->skipped += rti_fill_planes(accel, geo);
-    return RT_OK;
-}
-#endif
-
-/* How far, beyond its own box, rounding can carry a hit inside an instance: a ray from o errs by at most 2^-24 spread (|o| + extent) in
-   world space, see rti_prepare. Through one instance M the transformed origin and direction err by 2 units of 2^-24 each, stretched by C
-   = |M| |M^-1|; the child's own error (16 units of |o'| + extent', plus its spread) comes back stretched too. The child's underflows, of
-   the order of 1e-37, are stretched as well: counting at least 1e-31 as its extent covers them (2^-24 * 40 C * 2e-31 > 1e-37). A motion
-   rounds once more, and its rotation stretches the largest coordinate by up to sqrt(3) each way, move and pivot counting as
-   coordinates: 4 C, and 8 of what is largest, cover it. */
-static void rti_set_reach(rt_accel *accel)
-{
-    int k;
-    accel->extent = accel->spread = 0;
-    accel->nesting = 0;
-    for (k = 0; k < 3; k++) {
-        accel->outer_lower[k] = accel->lower[k];
-        accel->outer_upper[k] = accel->upper[k];
-    }
-#if RTI_PLANES
-    {
-        size_t i;
-        for (i = 0; i < accel->plane_count; i++) {
-            const rti_ground *plane = &accel->planes[i];
-            for (k = 0; k < 3 && plane->radius > 0; k++) {
-                const float lo = rti_float_down((double)plane->point[k] - (double)plane->radius);
-                const float hi = rti_float_up((double)plane->point[k] + (double)plane->radius);
-                if (lo < accel->outer_lower[k]) accel->outer_lower[k] = lo;
-                if (hi > accel->outer_upper[k]) accel->outer_upper[k] = hi;
-            }
-        }
-    }
-#endif
-    for (k = 0; k < 3 && accel->outer_lower[k] <= accel->outer_upper[k]; k++) {
-        float m = fabsf(accel->outer_lower[k]) > fabsf(accel->outer_upper[k]) ? fabsf(accel->outer_lower[k]) : fabsf(accel->outer_upper[k]);
-        if (m > accel->extent) accel->extent = m;
-    }
-#if RTI_INSTANCES
-    {
-        size_t i;
-        accel->moves = false;
-        for (i = 0; i < accel->slots[RTI_INSTANCE]; i++) {
-            const rti_instance *in = &accel->instances[i];
-            double stretch = rti_stretch(in->transform), c = stretch * rti_stretch(in->inverse);
-            double extent = stretch * ((double)in->accel->extent + 1e-31), spread = c * (40 + 2 * (double)in->accel->spread);
-            for (k = 0; k < 3; k++)
-                if (extent < fabs((double)in->transform[4 * k + 3])) extent = fabs((double)in->transform[4 * k + 3]);
-            extent *= 2;                    /* stretch * child + |translation| */
-            if (in->moves) {
-                const rt_motion *m = &in->motion;
-                const float far[] = { m->move.x, m->move.y, m->move.z, m->pivot.x, m->pivot.y, m->pivot.z };
-                for (k = 0; k < 6; k++)
-                    if (extent < fabs((double)far[k])) extent = fabs((double)far[k]);
-                extent *= 8;
-                spread = 4 * (spread + 8 * c);
-            }
-            if (in->moves || in->accel->moves) accel->moves = true;
-            if (extent > (double)accel->extent) accel->extent = rti_float_up(extent);
-            if (spread > (double)accel->spread) accel->spread = spread < 1e30 ? rti_float_up(spread) : 1e30f;
-            if (in->accel->nesting + 1 > accel->nesting) accel->nesting = in->accel->nesting + 1;
-        }
-    }
-#endif
-}
-
-static void rti_free_accel(rt_accel *accel)
-{
-    void *user = accel->memory_user;
-    rti_release(accel->nodes, user);
-#if RTI_PACKETS
-    rti_release(accel->wide_memory, user);
-#endif
-#if RTI_KDTREE
-    rti_release(accel->kdnodes, user);
-    rti_release(accel->kdlinks, user);
-    rti_release(accel->kdslots, user);
-#endif
-#if RTI_THREADED
-    rti_release(accel->links, user);
-    rti_release(accel->instance_nodes, user);
-#endif
-    rti_release(accel->triangles, user);
-    rti_release(accel->triangle_ids, user);
-#if RTI_SPHERES
-    rti_release(accel->balls, user);
-    rti_release(accel->ball_ids, user);
-#endif
-#if RTI_PLANES
-    rti_release(accel->planes, user);
-#endif
-#if RTI_INSTANCES
-    rti_release(accel->instances, user);
-    rti_release(accel->instance_slots, user);
-    rti_release(accel->instance_bases, user);
-#endif
-    rti_release(accel, user);
-}
-
-/* Names every instance: base_0 = 0, base_(j+1) = base_j + 1 + paths(child_j). */
-static rt_status rti_number_instances(rt_accel *accel, const rt_geometry *geo, rt_error *error)
-{
-#if RTI_INSTANCES
-    uint64_t next = 0;
-    size_t i, n = geo->instance_count;
-    if (!n) return RT_OK;
-    accel->instance_slots = (uint32_t *)rti_alloc(n, sizeof(uint32_t), accel->memory_user);
-    accel->instance_bases = (uint32_t *)rti_alloc(n, sizeof(uint32_t), accel->memory_user);
-    if (!accel->instance_slots || !accel->instance_bases) return rti_fail(error, RT_ERROR_MEMORY, RT_NONE, "out of memory");
-    accel->bytes += 2 * n * sizeof(uint32_t);
-    for (i = 0; i < n; i++) {
-        const rt_accel *child = geo->instances[i].accel;
-        accel->instance_slots[i] = RT_NONE;
-        accel->instance_bases[i] = (uint32_t)next;
-        if (child && child->nesting + 1 > RT_MAX_NESTING)
-            return rti_fail(error, RT_ERROR_LIMIT, (uint32_t)(geo->triangle_count + rti_sphere_count(geo) + i),
-                            "instance %lu nests deeper than RT_MAX_NESTING (%d)", (unsigned long)i, RT_MAX_NESTING);
-        next += 1 + (child ? (uint64_t)child->paths : 0);
-        if (next >= RT_NONE) return rti_fail(error, RT_ERROR_LIMIT, RT_NONE, "more paths through nested instances than 32 bits can number");
-    }
-    accel->paths = (uint32_t)next;
-#else
-    (void)accel, (void)geo, (void)error;
-#endif
-    return RT_OK;
-}
-
-/* prims: of slots in order, stride apart; NULL: they are in place. */
-typedef struct { rt_accel *accel; const rt_geometry *geo; const uint32_t *prims; size_t stride; } rti_fill;
-
-static void rti_fill_chunk(void *context, size_t chunk)
-{
-    const rti_fill *fill = (const rti_fill *)context;
-    const rt_accel *accel = fill->accel;
-    size_t i = chunk * RTI_CHUNK, n = accel->slots[RTI_TRIANGLE], end = n - i < RTI_CHUNK ? n : i + RTI_CHUNK;
-    for (; i < end; i++) {
-        if (accel->triangle_ids) accel->triangle_ids[i] = fill->prims[i * fill->stride];
-        else {
-            if (fill->prims) accel->triangles[i].prim = fill->prims[i * fill->stride];
-            rti_fill_triangle(&accel->triangles[i], fill->geo);
-        }
-    }
-}
-
-/* Allocates the arrays of each kind and fills them with prims[0], prims[stride], ... which stand in leaf order. */
-static bool rti_fill_slots(rt_accel *accel, const rt_geometry *geo, const rt_build_options *opt, const uint32_t *prims, size_t stride,
-                           size_t count)
-{
-    const bool reference = opt->reference;
-    void *user = accel->memory_user;
-    const bool mixed = rti_sphere_count(geo) || rti_instance_count(geo);
-    size_t i, next[RTI_KINDS] = { 0, 0, 0 };
-    rti_fill fill;
-    if (!mixed) accel->slots[RTI_TRIANGLE] = count;
-    for (i = 0; i < count && mixed; i++) accel->slots[rti_kind_of(geo, prims[i * stride])]++;
-    if (reference) accel->triangle_ids = (uint32_t *)rti_alloc(accel->slots[RTI_TRIANGLE], sizeof(uint32_t), user);
-    else accel->triangles = (rti_triangle *)rti_alloc(accel->slots[RTI_TRIANGLE], sizeof(rti_triangle), user);
-    if (!accel->triangles && !accel->triangle_ids) return false;
-    accel->bytes += accel->slots[RTI_TRIANGLE] * (reference ? sizeof(uint32_t) : sizeof(rti_triangle));
-#if RTI_SPHERES
-    if (accel->slots[RTI_SPHERE]) {
-        if (reference) accel->ball_ids = (uint32_t *)rti_alloc(accel->slots[RTI_SPHERE], sizeof(uint32_t), user);
-        else accel->balls = (rti_ball *)rti_alloc(accel->slots[RTI_SPHERE], sizeof(rti_ball), user);
-        if (!accel->balls && !accel->ball_ids) return false;
-        accel->bytes += accel->slots[RTI_SPHERE] * (reference ? sizeof(uint32_t) : sizeof(rti_ball));
-    }
-#endif
-#if RTI_INSTANCES
-    if (accel->slots[RTI_INSTANCE]) {
-        accel->instances = (rti_instance *)rti_alloc(accel->slots[RTI_INSTANCE], sizeof(rti_instance), user);
-        if (!accel->instances) return false;
-        accel->bytes += accel->slots[RTI_INSTANCE] * sizeof(rti_instance);
-    }
-#endif
-    for (i = 0; i < count && mixed; i++) {  /* leaves of one kind stand in ref order: slots count up */
-        uint32_t prim = prims[i * stride];
-        int kind = rti_kind_of(geo, prim);
-        size_t slot = next[kind]++;
-        switch (kind) {
-        case RTI_TRIANGLE:
-            if (reference) accel->triangle_ids[slot] = prim;
-            else accel->triangles[slot].prim = prim;
-            break;
-#if RTI_SPHERES
-        case RTI_SPHERE:
-            if (reference) accel->ball_ids[slot] = prim;
-            else {
-                accel->balls[slot].prim = prim;
-                rti_fill_ball(&accel->balls[slot], geo);
-            }
-            break;
-#endif
-#if RTI_INSTANCES
-        case RTI_INSTANCE: {
-            size_t number = prim - geo->triangle_count - rti_sphere_count(geo);
-            accel->instances[slot].prim = prim;
-            accel->instances[slot].base = accel->instance_bases[number];
-            accel->instance_slots[number] = (uint32_t)slot;
-            rti_fill_instance(&accel->instances[slot], geo);
-            break;
-        }
-#endif
-        default: break;
-        }
-    }
-    if (!reference || !mixed) {
-        fill.accel = accel;
-        fill.geo = geo;
-        fill.prims = mixed ? NULL : prims;
-        fill.stride = stride;
-        rti_for(opt->parallel_for, opt->parallel_user, rti_chunk_total(accel->slots[RTI_TRIANGLE]), rti_fill_chunk, &fill);
-    }
-    return true;
-}
-
 /* The slot of each ref among those of its kind; leaves of one kind stand in ref order. */
 static void rti_number_slots(rti_builder *b, size_t count)
 {
@@ -3188,7 +3221,11 @@ out:
     return status;
 }
 
+#endif /* RTI_BVH || RTI_THREADED */
+
 /* ---- >>collapse ----------------------------------------------------------------------------------------------------- */
+
+#if RTI_BVH
 
 /* From the binary tree to nodes with up to RTI_CHILDREN children, see RT_BVH_WIDE ([Dammertz]). Which binary nodes stay, each with children from
    several levels below, is so chosen that their surfaces together, and so how many of them rays visit, are least ([Ylitie] 3.1): bottom up, the
@@ -3359,7 +3396,7 @@ RTI_INLINE void rti_end_collapse(rti_collapse *c, void *user)
     rti_release(c->plans, user);
 }
 
-#if RTI_PACKETS
+#if RTI_WIDES
 typedef struct { rt_accel *accel; const rti_collapse *collapse; } rti_wide_job;
 
 static void rti_fill_octet(rti_octet *octet, const rti_triangle *triangles, uint32_t count)
@@ -3430,6 +3467,8 @@ static rt_status rti_build_wide(rt_accel *accel, const rt_build_options *opt)
     return accel->wides ? RT_OK : RT_ERROR_MEMORY;
 }
 #endif
+
+#endif /* RTI_BVH */
 
 /* ---- >>kdtree ------------------------------------------------------------------------------------------------------- */
 
@@ -4816,25 +4855,25 @@ static rt_status rti_check_build_options(const rt_build_options *opt)
     if (!(opt->traversal_cost >= 0 && opt->traversal_cost <= 1e6f))
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "traversal_cost is %g: it must be 0 (the default) or up to 1e6",
                         (double)opt->traversal_cost);
-    if (!(opt->empty_bonus <= 1))
+    if (RTI_KDTREE && !(opt->empty_bonus <= 1))
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "empty_bonus is %g: it must be 0 (as 0.2), up to 1, or negative (none)",
                         (double)opt->empty_bonus);
-    if (opt->max_duplication != 0 && !(opt->max_duplication >= 1 && opt->max_duplication <= RTI_MAX_DUPLICATION))
+    if (RTI_KDTREE && opt->max_duplication != 0 && !(opt->max_duplication >= 1 && opt->max_duplication <= RTI_MAX_DUPLICATION))
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "max_duplication is %g: it must be 0 (as %d) or between 1 and %d",
                         (double)opt->max_duplication, RTI_DUPLICATION, RTI_MAX_DUPLICATION);
-    if ((unsigned)opt->bounds >= RT_BOUNDS_COUNT)
+    if (RTI_THREADED && (unsigned)opt->bounds >= RT_BOUNDS_COUNT)
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "bounds %d is none of rt_bounds", (int)opt->bounds);
-    if (opt->branching && (opt->branching < 2 || opt->branching > RT_MAX_BRANCHING))
+    if (RTI_THREADED && opt->branching && (opt->branching < 2 || opt->branching > RT_MAX_BRANCHING))
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "branching is %d: it must be 0 (the default) or between 2 and %d",
                         opt->branching, RT_MAX_BRANCHING);
-    if (opt->orders && opt->orders != 1 && opt->orders != 2 && opt->orders != 4 && opt->orders != 8)
+    if (RTI_THREADED && opt->orders && opt->orders != 1 && opt->orders != 2 && opt->orders != 4 && opt->orders != 8)
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "orders is %d: it must be 0 (the default), 1, 2, 4 or 8", opt->orders);
-    if (!(opt->throw_back <= 1))
+    if (RTI_THREADED && !(opt->throw_back <= 1))
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "throw_back is %g: it must be 0 (the default), up to 1, or negative (none)",
                         (double)opt->throw_back);
-    if ((opt->structure == RT_KDTREE && !RTI_KDTREE) || (opt->structure == RT_THREADED && !RTI_THREADED))
-        return rti_fail(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "structure %s is not built (%s)", rti_structure_names[opt->structure],
-                        opt->structure == RT_KDTREE ? "RT_NO_KDTREE" : "RT_NO_THREADED");
+    if (!(opt->structure == RT_BVH ? RTI_BVH : opt->structure == RT_KDTREE ? RTI_KDTREE : RTI_THREADED))
+        return rti_fail(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "structure %s is not built (RT_NO_%s)", rti_structure_names[opt->structure],
+                        opt->structure == RT_BVH ? "BVH" : opt->structure == RT_KDTREE ? "KDTREE" : "THREADED");
     return RT_OK;
 }
 
@@ -4850,15 +4889,16 @@ static rt_status rti_build_tree_of(rt_accel *accel, const rt_geometry *geo, cons
     if (status == RT_OK && count) {
 #if RTI_KDTREE
         if (opt->structure == RT_KDTREE) status = rti_build_kdtree(accel, geo, opt, &refs, count);
-        else
 #endif
-            status = rti_build_bvh(accel, geo, opt, refs, count);
+#if RTI_BVH || RTI_THREADED
+        if (opt->structure != RT_KDTREE) status = rti_build_bvh(accel, geo, opt, refs, count);
+#endif
     }
     rti_release(refs, opt->memory_user);
 #if RTI_THREADED
     if (status == RT_OK && count && opt->structure == RT_THREADED) status = rti_thread(accel, geo, opt);
 #endif
-#if RTI_PACKETS
+#if RTI_WIDES
     if (status == RT_OK && count && opt->structure == RT_BVH && !opt->no_wide) status = rti_build_wide(accel, opt);
 #endif
     if (status == RT_OK) rti_set_reach(accel);
@@ -4866,6 +4906,8 @@ static rt_status rti_build_tree_of(rt_accel *accel, const rt_geometry *geo, cons
                                                 (unsigned long)(rti_tree_count(geo) + rti_plane_count(geo)))
                                      : status;
 }
+
+static void rti_set_single(rt_accel *accel);         /* >>public */
 
 RT_API rt_status rt_build(rt_accel **out, const rt_geometry *geo, const rt_build_options *opt)
 {
@@ -4902,9 +4944,13 @@ RT_API rt_status rt_build(rt_accel **out, const rt_geometry *geo, const rt_build
 #endif
     status = rti_number_instances(accel, geo, opt->error);
     if (status == RT_OK) status = rti_build_tree_of(accel, geo, opt);
-    if (status != RT_OK) rti_free_accel(accel);
-    else *out = accel;
-    return status;
+    if (status != RT_OK) {
+        rti_free_accel(accel);
+        return status;
+    }
+    rti_set_single(accel);
+    *out = accel;
+    return RT_OK;
 }
 
 RT_API void rt_free(rt_accel *accel)
@@ -4914,7 +4960,7 @@ RT_API void rt_free(rt_accel *accel)
 
 /* ---- >>refit -------------------------------------------------------------------------------------------------------- */
 
-#if RTI_PACKETS
+#if RTI_WIDES
 /* After the primitives have moved. */
 static void rti_refit_wide(rt_accel *accel, const rt_geometry *geo)
 {
@@ -5038,7 +5084,7 @@ RT_API rt_status rt_refit_error(rt_accel *accel, const rt_geometry *geo, rt_erro
             }
         rti_set_bounds(node, &box);
     }
-#if RTI_PACKETS
+#if RTI_WIDES
     if (accel->wides) rti_refit_wide(accel, geo);
 #endif
     rti_set_root(accel);
@@ -5084,35 +5130,11 @@ static void rti_kd_info(const rt_accel *accel, rt_info *info)
 }
 #endif
 
-RT_API void rt_get_info(const rt_accel *accel, rt_info *info)
+#if RTI_BVH || RTI_THREADED
+static void rti_bvh_info(const rt_accel *accel, rt_info *info)
 {
     double area = 0;
     size_t i;
-    memset(info, 0, sizeof *info);
-    info->structure = accel->structure;
-    info->triangles = accel->geo.triangle_count;
-    info->spheres = rti_sphere_count(&accel->geo);
-    info->instances = rti_instance_count(&accel->geo);
-    info->planes = rti_plane_count(&accel->geo);
-    info->skipped = accel->skipped;
-    info->nodes = accel->node_count;
-    info->depth = accel->depth;
-    info->nesting = accel->nesting;
-    info->bytes = accel->bytes;
-    info->lower.x = accel->outer_lower[0];
-    info->lower.y = accel->outer_lower[1];
-    info->lower.z = accel->outer_lower[2];
-    info->upper.x = accel->outer_upper[0];
-    info->upper.y = accel->outer_upper[1];
-    info->upper.z = accel->outer_upper[2];
-    for (i = 0; i < RTI_KINDS; i++) info->references += accel->slots[i];
-#if RTI_KDTREE
-    if (accel->structure == RT_KDTREE) {
-        info->references = accel->references;
-        rti_kd_info(accel, info);
-        return;
-    }
-#endif
     for (i = 0; i < accel->node_count; i++) {
         const rti_node *node = &accel->nodes[i];
         double part = rti_node_area(node);
@@ -5136,6 +5158,39 @@ RT_API void rt_get_info(const rt_accel *accel, rt_info *info)
             if (count > info->max_leaf) info->max_leaf = count;
         } else info->sah += part * RTI_TRAVERSAL_COST;
     }
+}
+#endif
+
+RT_API void rt_get_info(const rt_accel *accel, rt_info *info)
+{
+    int i;
+    memset(info, 0, sizeof *info);
+    info->structure = accel->structure;
+    info->triangles = accel->geo.triangle_count;
+    info->spheres = rti_sphere_count(&accel->geo);
+    info->instances = rti_instance_count(&accel->geo);
+    info->planes = rti_plane_count(&accel->geo);
+    info->skipped = accel->skipped;
+    info->nodes = accel->node_count;
+    info->depth = accel->depth;
+    info->nesting = accel->nesting;
+    info->bytes = accel->bytes;
+    info->lower.x = accel->outer_lower[0];
+    info->lower.y = accel->outer_lower[1];
+    info->lower.z = accel->outer_lower[2];
+    info->upper.x = accel->outer_upper[0];
+    info->upper.y = accel->outer_upper[1];
+    info->upper.z = accel->outer_upper[2];
+    for (i = 0; i < RTI_KINDS; i++) info->references += accel->slots[i];
+#if RTI_KDTREE
+    if (accel->structure == RT_KDTREE) {
+        info->references = accel->references;
+        rti_kd_info(accel, info);
+    }
+#endif
+#if RTI_BVH || RTI_THREADED
+    if (accel->structure != RT_KDTREE) rti_bvh_info(accel, info);
+#endif
 }
 
 #endif
@@ -5285,7 +5340,7 @@ typedef struct {
 } rti_tuner;
 
 /* One call of rt_trace, resolved. */
-typedef struct {
+struct rti_job {
     rt_query query;
     rt_stats *stats;                        /* NULL: nothing is counted */
     rt_algorithm algorithm;                 /* of RT_KDTREE: how its trees are walked */
@@ -5295,21 +5350,20 @@ typedef struct {
     rt_cull cull;                           /* and by what they are culled */
     const float *times;                     /* one a ray, or NULL */
     bool wide;                              /* RT_BVH_WIDE, where an accel has wide nodes: single rays, or packets with side > 1 */
+    bool single;                            /* of rt_accel.single_jobs */
     rti_tuner *tuner;                       /* of RT_AUTO: what is known of rays like these; NULL: nothing yet */
     const rt_ray_arrays *from;              /* rt_trace_arrays: in the place of rays and hits */
     const rt_hit_arrays *to;
-} rti_job;
+};
 
 static const rti_job rti_plain_jobs[] = {    /* by query: nothing but the hits of SIMD rays, or of single ones */
-    { RT_CLOSEST, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, false, NULL, NULL, NULL },
-    { RT_ANY,     NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, false, NULL, NULL, NULL },
+    { RT_CLOSEST, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, false, true, NULL, NULL, NULL },
+    { RT_ANY,     NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, false, true, NULL, NULL, NULL },
 };
 static const rti_job rti_wide_jobs[] = {     /* the same by RT_BVH_WIDE */
-    { RT_CLOSEST, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, true, NULL, NULL, NULL },
-    { RT_ANY,     NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, true, NULL, NULL, NULL },
+    { RT_CLOSEST, NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, true, true, NULL, NULL, NULL },
+    { RT_ANY,     NULL, RT_KD_STACK, 0, RT_AUTO, 1, RT_CULL_NONE, NULL, true, true, NULL, NULL, NULL },
 };
-
-typedef void (*rti_batch_function)(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits);
 
 /* Pixels of a SIMD ray from left to right, by how many rays are side by side. */
 #define RTI_PACKET_COLUMNS(lanes) ((lanes) == 8 ? 4 : (lanes) == 4 ? 2 : 1)
@@ -5317,7 +5371,7 @@ typedef void (*rti_batch_function)(const rt_accel *accel, const rti_job *job, co
 #define RTI_AUTO_RAYS 256u                  /* of a packet of RT_AUTO: 16 x 16 */
 #define RTI_TRIALS 256                      /* packets from one trial of RT_AUTO to the next; less at first, see rti_learn */
 
-#if RTI_PACKETS
+#if RTI_WIDES
 /* A clock that costs nothing to read, in units of its own; 0: there is none. */
 RTI_INLINE uint64_t rti_ticks(void)
 {
@@ -5416,6 +5470,13 @@ RTI_INLINE int rti_lowest_bit(unsigned bits)            /* of at least one */
     while (!(bits >> n & 1)) n++;
     return n;
 #endif
+}
+
+RTI_INLINE void rti_set_miss(rt_hit *hit)
+{
+    hit->t = RTI_INFINITY;
+    hit->u = hit->v = 0;
+    hit->prim = hit->inst = RT_NONE;
 }
 
 /* ---- >>frustum ------------------------------------------------------------------------------------------------------ */
@@ -5615,13 +5676,6 @@ struct rt_raster {
 #define RTI_PACKET_ROWS(lanes) ((lanes) == 1 ? 1 : 2)
 #define RTI_COVER_SIDE(lanes) ((lanes) == 1 ? 8 : RTI_BLOCK)
 
-static void rti_set_miss(rt_hit *hit)
-{
-    hit->t = RTI_INFINITY;
-    hit->u = hit->v = 0;
-    hit->prim = hit->inst = RT_NONE;
-}
-
 RTI_INLINE void rti_project(const rti_lens *lens, const double p[3], double h[3])
 {
     int k;
@@ -5688,8 +5742,8 @@ typedef void (*rti_aim_function)(rti_surfaces *s, size_t count, const rt_vec3 *l
 #define RTI_TARGET
 #include RT_SELF
 
-#if RTI_X86 && !RTI_MSVC
-#define RTI_WIDTH 1                         /* 1 ray, where the processor has AVX2 and FMA; fmaf of MSVC is a call */
+#if RTI_SINGLE_FMA
+#define RTI_WIDTH 1                         /* 1 ray, where the processor has AVX2 and FMA */
 #define RTI_LANES RTI_LANES_FLOAT
 #define RTI_SUFFIX _1_avx2
 #define RTI_FMA 1
@@ -5725,11 +5779,11 @@ typedef void (*rti_aim_function)(rti_surfaces *s, size_t count, const rt_vec3 *l
 
 /* The code behind RT_ALGORITHM_LIST: which of them are built, and from which widths. */
 static const rt_algorithm_info rti_algorithms[] = {
-#define RTI_LARGE(a) (RTI_PACKETS && (a) >= RT_BVH_MASKED && (a) <= RT_BVH_PARTITION)
-#define RTI_BUILT(a) ((a) == RT_AUTO || (a) == RT_BVH_STACK || (RTI_PACKETS && ((a) == RT_BVH_SIMD || (a) == RT_BVH_WIDE)) || RTI_LARGE(a) || \
+#define RTI_LARGE(a) (RTI_WIDES && (a) >= RT_BVH_MASKED && (a) <= RT_BVH_PARTITION)
+#define RTI_BUILT(a) ((a) == RT_AUTO || (RTI_BVH && (a) == RT_BVH_STACK) || (RTI_WIDES && ((a) == RT_BVH_SIMD || (a) == RT_BVH_WIDE)) || RTI_LARGE(a) || \
                       (RTI_KDTREE && (a) >= RT_KD_STACK && (a) <= RT_KD_BACKTRACK) || \
                       (RTI_THREADED && ((a) == RT_THREADED_SINGLE || (RTI_PACKETS && (a) == RT_THREADED_PARALLEL))))
-#define RTI_PACKET(a) (RTI_PACKETS && ((a) == RT_AUTO || (a) == RT_BVH_SIMD || (a) == RT_BVH_WIDE || RTI_LARGE(a) || \
+#define RTI_PACKET(a) (RTI_PACKETS && ((a) == RT_AUTO || (RTI_BVH && ((a) == RT_BVH_SIMD || (a) == RT_BVH_WIDE)) || RTI_LARGE(a) || \
                                        (RTI_KDTREE && (a) >= RT_KD_STACK && (a) < RT_KD_BACKTRACK) || \
                                        (RTI_THREADED && (a) == RT_THREADED_PARALLEL)))
 #define RTI_ROW(name, text, structure, what) { text, what, name, structure, RTI_BUILT(name), RTI_PACKET(name), RTI_LARGE(name) },
@@ -5755,7 +5809,7 @@ static rti_batch_function rti_batch_of(rt_algorithm algorithm, int width, rt_isa
     const bool single = algorithm != RT_BVH_SIMD && !large && !parallel && rti_algorithms[algorithm].built;
     const bool packet = rti_algorithms[algorithm].packets && !large && !parallel, tries = packet && algorithm == RT_AUTO && !width;
     if (isa == RT_ISA_AUTO) isa = rt_best_isa();
-#if RTI_PACKETS
+#if RTI_WIDES
     if (algorithm == RT_BVH_WIDE) {
         const bool single_rays = width == 1, packets = width == 4 || width == 8 || width == 16;
 #if RTI_X86
@@ -5764,7 +5818,7 @@ static rti_batch_function rti_batch_of(rt_algorithm algorithm, int width, rt_isa
         return single_rays ? rti_batch_4 : packets ? rti_batch_crowds_4 : NULL;
     }
 #endif
-#if RTI_X86 && !RTI_MSVC
+#if RTI_SINGLE_FMA
     if (single && width == 1 && isa == RT_ISA_AVX2) return rti_batch_1_avx2;
 #endif
     if (single && width == 1) return rti_batch_1;
@@ -5772,9 +5826,6 @@ static rti_batch_function rti_batch_of(rt_algorithm algorithm, int width, rt_isa
     if (packet && width == 2) return rti_batch_4;
 #if RTI_X86
     if (packet && width == 8 && isa == RT_ISA_AVX2) return rti_batch_8;
-    if (tries && isa == RT_ISA_AVX2) return rti_batch_auto_8;
-    if (large && width == RT_MAX_PACKET && isa == RT_ISA_AVX2) return rti_batch_largest_8;
-    if (large && (width == 4 || width == 8 || width == 16) && isa == RT_ISA_AVX2) return rti_batch_large_8;
 #endif
 #if RTI_THREADED
     if (parallel && (width == 2 || width == 4)) return rti_batch_parallel_4;
@@ -5782,6 +5833,13 @@ static rti_batch_function rti_batch_of(rt_algorithm algorithm, int width, rt_isa
     if (parallel && (width == 8 || width == 16) && isa == RT_ISA_AVX2) return rti_batch_parallel_8;
 #endif
     if (parallel && (width == 8 || width == 16)) return rti_batch_parallel_4;
+#endif
+#endif
+#if RTI_WIDES
+#if RTI_X86
+    if (tries && isa == RT_ISA_AVX2) return rti_batch_auto_8;
+    if (large && width == RT_MAX_PACKET && isa == RT_ISA_AVX2) return rti_batch_largest_8;
+    if (large && (width == 4 || width == 8 || width == 16) && isa == RT_ISA_AVX2) return rti_batch_large_8;
 #endif
     if (tries) return rti_batch_auto_4;
     if (large && width == RT_MAX_PACKET) return rti_batch_largest_4;
@@ -5819,7 +5877,7 @@ RT_API const char *rt_status_string(rt_status status)
 /* Has accel the tree of RT_BVH_WIDE? */
 static bool rti_has_wide(const rt_accel *accel)
 {
-#if RTI_PACKETS
+#if RTI_WIDES
     return accel->wides || (accel->structure == RT_BVH && !accel->node_count);
 #else
     (void)accel;
@@ -5827,22 +5885,39 @@ static bool rti_has_wide(const rt_accel *accel)
 #endif
 }
 
-static void rti_trace_one(const rt_accel *accel, rt_query query, const rt_ray *ray, rt_hit *hit)
+static void rti_set_single(rt_accel *accel)
 {
-    if (rti_has_wide(accel)) rti_batch_of(RT_BVH_WIDE, 1, RT_ISA_AUTO)(accel, &rti_wide_jobs[query], ray, 1, hit);
-    else rti_batch_of(RT_AUTO, 1, RT_ISA_AUTO)(accel, &rti_plain_jobs[query], ray, 1, hit);
+    const bool wide = rti_has_wide(accel);
+    const rti_batch_function batch = rti_batch_of(wide ? RT_BVH_WIDE : RT_AUTO, 1, RT_ISA_AUTO);
+    int query;
+    accel->single = batch;
+    accel->single_jobs = wide ? rti_wide_jobs : rti_plain_jobs;
+    for (query = 0; query < 2; query++) {
+#define RTI_SINGLE(suffix) if (batch == rti_batch##suffix) accel->single_walks[query] = rti_single_walk##suffix(accel, &accel->single_jobs[query])
+        RTI_SINGLE(_1);
+#if RTI_SINGLE_FMA
+        RTI_SINGLE(_1_avx2);
+#endif
+#if RTI_PACKETS
+        RTI_SINGLE(_4);
+#if RTI_X86
+        RTI_SINGLE(_8);
+#endif
+#endif
+#undef RTI_SINGLE
+    }
 }
 
 RT_API bool rt_intersect(const rt_accel *accel, const rt_ray *ray, rt_hit *hit)
 {
-    rti_trace_one(accel, RT_CLOSEST, ray, hit);
+    accel->single(accel, &accel->single_jobs[RT_CLOSEST], ray, 1, hit);
     return hit->prim != RT_NONE;
 }
 
 RT_API bool rt_occluded(const rt_accel *accel, const rt_ray *ray)
 {
     rt_hit hit;
-    rti_trace_one(accel, RT_ANY, ray, &hit);
+    accel->single(accel, &accel->single_jobs[RT_ANY], ray, 1, &hit);
     return hit.prim != RT_NONE;
 }
 
@@ -5936,7 +6011,7 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
         else if (rti_has_wide(accel) && count < RTI_AUTO_RAYS / 4) {
             wide = true;
             width = 16;
-        } else if (!RTI_PACKETS || accel->structure != RT_BVH || count < RTI_AUTO_RAYS / 4) width = widths[n - 1];     /* else 0: by trying */
+        } else if (!RTI_WIDES || accel->structure != RT_BVH || count < RTI_AUTO_RAYS / 4) width = widths[n - 1];     /* else 0: by trying */
     }
     wide = wide || (opt->algorithm == RT_AUTO && width == 1 && rti_has_wide(accel));
     *batch = rti_batch_of(wide ? RT_BVH_WIDE : opt->algorithm, width, opt->isa);
@@ -5954,6 +6029,7 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
     job->cull = opt->cull;
     job->times = opt->times;
     job->wide = wide;
+    job->single = false;
     job->tuner = NULL;
     job->from = NULL;
     job->to = NULL;
@@ -6924,7 +7000,7 @@ static rt_status rti_choose_kernels(rt_raster *r, rt_isa isa, rt_error *error)
 #define RTI_KERNELS(suffix, width) \
     if (batch == rti_batch##suffix) r->see = rti_see_triangles##suffix, r->cover = rti_cover##suffix, r->lanes = width
     RTI_KERNELS(_1, 1);
-#if RTI_X86 && !RTI_MSVC
+#if RTI_SINGLE_FMA
     RTI_KERNELS(_1_avx2, 1);
 #endif
 #if RTI_PACKETS
@@ -9033,6 +9109,8 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_crowd_body RTI_NAME_(rti_crowd_body)
 #define rti_crowd_closest RTI_NAME_(rti_crowd_closest)
 #define rti_crowd_any RTI_NAME_(rti_crowd_any)
+#define rti_crowd_closest_count RTI_NAME_(rti_crowd_closest_count)
+#define rti_crowd_any_count RTI_NAME_(rti_crowd_any_count)
 #define rti_walk_crowd RTI_NAME_(rti_walk_crowd)
 #define rti_count_list RTI_NAME_(rti_count_list)
 #define rti_batch_crowds RTI_NAME_(rti_batch_crowds)
@@ -9061,6 +9139,8 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_kd_push RTI_NAME_(rti_kd_push)
 #define rti_kd_cross RTI_NAME_(rti_kd_cross)
 #define rti_hit_run RTI_NAME_(rti_hit_run)
+#define rti_hit_others RTI_NAME_(rti_hit_others)
+#define rti_large_others RTI_NAME_(rti_large_others)
 #define rti_kd_hit_leaf RTI_NAME_(rti_kd_hit_leaf)
 #define rti_kd_stack_body RTI_NAME_(rti_kd_stack_body)
 #define rti_kd_restart_body RTI_NAME_(rti_kd_restart_body)
@@ -9072,12 +9152,22 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_kd_stack_any_count RTI_NAME_(rti_kd_stack_any_count)
 #define rti_kd_restart_closest RTI_NAME_(rti_kd_restart_closest)
 #define rti_kd_restart_any RTI_NAME_(rti_kd_restart_any)
+#define rti_kd_restart_any_all RTI_NAME_(rti_kd_restart_any_all)
+#define rti_kd_restart_closest_all RTI_NAME_(rti_kd_restart_closest_all)
 #define rti_kd_restart_closest_count RTI_NAME_(rti_kd_restart_closest_count)
 #define rti_kd_restart_any_count RTI_NAME_(rti_kd_restart_any_count)
 #define rti_kd_stack_closest_all RTI_NAME_(rti_kd_stack_closest_all)
 #define rti_kd_stack_any_all RTI_NAME_(rti_kd_stack_any_all)
-#define rti_kd_walk RTI_NAME_(rti_kd_walk)
-#define rti_walk_tree RTI_NAME_(rti_walk_tree)
+#define rti_kd_walker RTI_NAME_(rti_kd_walker)
+#define rti_tree_walker RTI_NAME_(rti_tree_walker)
+#define rti_walker RTI_NAME_(rti_walker)
+#define rti_walker_of RTI_NAME_(rti_walker_of)
+#define rti_single_walk RTI_NAME_(rti_single_walk)
+#define rti_single_walker RTI_NAME_(rti_single_walker)
+#define rti_wide_root_closest RTI_NAME_(rti_wide_root_closest)
+#define rti_wide_root_any RTI_NAME_(rti_wide_root_any)
+#define rti_walk_nothing RTI_NAME_(rti_walk_nothing)
+#define rti_walk_planes RTI_NAME_(rti_walk_planes)
 #define rti_hit_planes RTI_NAME_(rti_hit_planes)
 #define rti_sweep RTI_NAME_(rti_sweep)
 #define rti_make_sweep RTI_NAME_(rti_make_sweep)
@@ -9096,7 +9186,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_thread_closest_round RTI_NAME_(rti_thread_closest_round)
 #define rti_thread_any_round RTI_NAME_(rti_thread_any_round)
 #define rti_thread_aim RTI_NAME_(rti_thread_aim)
-#define rti_thread_walk RTI_NAME_(rti_thread_walk)
+#define rti_thread_walker RTI_NAME_(rti_thread_walker)
 #define rti_thread_groups RTI_NAME_(rti_thread_groups)
 #define rti_batch_parallel RTI_NAME_(rti_batch_parallel)
 #define rti_vfma RTI_NAME_(rti_vfma)
@@ -9173,7 +9263,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_cover_queue RTI_NAME_(rti_cover_queue)
 #define rti_cover RTI_NAME_(rti_cover)
 #if RTI_IN(HOST)
-#define RTI_FN RTI_INLINE RTI_TARGET
+#define RTI_FN RTI_HOT RTI_TARGET
 #define RTI_ALL_LANES ((1u << RTI_WIDTH) - 1)
 
 #if RTI_LANES == RTI_LANES_FLOAT
@@ -9992,6 +10082,7 @@ RTI_FN void rti_leave_instance(rti_packet *p, const rti_packet *inner, unsigned 
 #endif
 #if RTI_IN(HOST)
 #define rti_walk_child rti_walk
+typedef unsigned (*rti_walker)(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job);      /* of live lanes, at least one */
 RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job);
 #endif
 #if RTI_IN(INSTANCES) && RTI_INSTANCES
@@ -10071,12 +10162,34 @@ RTI_SHARED(
 
 #endif
 #if RTI_IN(HOST) && (RTI_KDTREE || RTI_THREADED)
+#if RTI_SPHERES || RTI_INSTANCES
+/* Spheres or instances; in code of their own, which triangles would have to save registers for. */
+RTI_NOINLINE RTI_TARGET unsigned rti_hit_others(const rt_accel *accel, rti_packet *p, unsigned lanes, const uint32_t *slots, uint32_t first,
+                                                uint32_t count, uint32_t inst, const rti_job *job)
+{
+    const uint32_t n = count & RTI_COUNT_MASK;
+    (void)n;
+#if RTI_INSTANCES
+    if (count >> RTI_KIND_SHIFT == RTI_INSTANCE) return rti_hit_instances(accel, p, lanes, slots, first, n, inst, job);
+#endif
+#if RTI_SPHERES
+    if (job->query == RT_ANY) return rti_hit_spheres(accel, p, lanes, slots, first, n, inst, RTI_WALK_ANY);
+    return rti_hit_spheres(accel, p, lanes, slots, first, n, inst, 0);
+#else
+    return 0;
+#endif
+}
+#endif
+
 /* Any primitives of one kind; not inlined, since a copy in every walk would be most of the code. */
 RTI_NOINLINE RTI_TARGET unsigned rti_hit_run(const rt_accel *accel, rti_packet *p, unsigned lanes, const uint32_t *slots, uint32_t first,
                                              uint32_t count, uint32_t inst, const rti_job *job)
 {
-    if (job->query == RT_ANY) return rti_hit_leaf(accel, p, lanes, slots, first, count, inst, RTI_WALK_ALL | RTI_WALK_ANY, job);
-    return rti_hit_leaf(accel, p, lanes, slots, first, count, inst, RTI_WALK_ALL, job);
+#if RTI_SPHERES || RTI_INSTANCES
+    if (RTI_UNLIKELY(count >> RTI_KIND_SHIFT != RTI_TRIANGLE)) return rti_hit_others(accel, p, lanes, slots, first, count, inst, job);
+#endif
+    if (job->query == RT_ANY) return rti_hit_leaf(accel, p, lanes, slots, first, count, inst, RTI_WALK_ANY, job);
+    return rti_hit_leaf(accel, p, lanes, slots, first, count, inst, 0, job);
 }
 
 #endif
@@ -10150,7 +10263,7 @@ pop:
 )
 
 #endif
-#if RTI_IN(HOST)
+#if RTI_IN(HOST) && RTI_BVH
 #define RTI_WALK(name, constants)                                                                                              \
     RTI_NOINLINE RTI_TARGET unsigned name(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job) \
     {                                                                                                                          \
@@ -10512,12 +10625,14 @@ next:
     }
 RTI_KD_WALK(rti_kd_stack_closest, rti_kd_stack_body, 0)
 RTI_KD_WALK(rti_kd_stack_any, rti_kd_stack_body, RTI_WALK_ANY)
+RTI_KD_WALK(rti_kd_restart_closest, rti_kd_restart_body, 0)
+RTI_KD_WALK(rti_kd_restart_any, rti_kd_restart_body, RTI_WALK_ANY)
 #if RTI_SPHERES || RTI_INSTANCES
 RTI_KD_WALK(rti_kd_stack_closest_all, rti_kd_stack_body, RTI_WALK_ALL)
 RTI_KD_WALK(rti_kd_stack_any_all, rti_kd_stack_body, RTI_WALK_ALL | RTI_WALK_ANY)
+RTI_KD_WALK(rti_kd_restart_closest_all, rti_kd_restart_body, RTI_WALK_ALL)
+RTI_KD_WALK(rti_kd_restart_any_all, rti_kd_restart_body, RTI_WALK_ALL | RTI_WALK_ANY)
 #endif
-RTI_KD_WALK(rti_kd_restart_closest, rti_kd_restart_body, RTI_WALK_ALL)
-RTI_KD_WALK(rti_kd_restart_any, rti_kd_restart_body, RTI_WALK_ALL | RTI_WALK_ANY)
 #if RTI_STATS
 RTI_KD_WALK(rti_kd_stack_closest_count, rti_kd_stack_body, RTI_WALK_COUNT | RTI_WALK_ALL)
 RTI_KD_WALK(rti_kd_stack_any_count, rti_kd_stack_body, RTI_WALK_COUNT | RTI_WALK_ALL | RTI_WALK_ANY)
@@ -10527,21 +10642,21 @@ RTI_KD_WALK(rti_kd_restart_any_count, rti_kd_restart_body, RTI_WALK_COUNT | RTI_
 #undef RTI_KD_WALK
 #undef RTI_KD_TALLY
 
-RTI_FN unsigned rti_kd_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
+RTI_FN rti_walker rti_kd_walker(const rt_accel *accel, const rti_job *job)
 {
     const bool any = job->query == RT_ANY, stack = job->algorithm == RT_KD_STACK || (job->algorithm == RT_KD_BACKTRACK && !accel->kdlinks);
 #if RTI_STATS
-    if (job->stats && stack)
-        return any ? rti_kd_stack_any_count(accel, p, live, inst, job) : rti_kd_stack_closest_count(accel, p, live, inst, job);
-    if (job->stats)
-        return any ? rti_kd_restart_any_count(accel, p, live, inst, job) : rti_kd_restart_closest_count(accel, p, live, inst, job);
+    if (job->stats && stack) return any ? rti_kd_stack_any_count : rti_kd_stack_closest_count;
+    if (job->stats) return any ? rti_kd_restart_any_count : rti_kd_restart_closest_count;
 #endif
-    if (!stack) return any ? rti_kd_restart_any(accel, p, live, inst, job) : rti_kd_restart_closest(accel, p, live, inst, job);
 #if RTI_SPHERES || RTI_INSTANCES
-    if (accel->slots[RTI_SPHERE] || accel->slots[RTI_INSTANCE])
-        return any ? rti_kd_stack_any_all(accel, p, live, inst, job) : rti_kd_stack_closest_all(accel, p, live, inst, job);
+    if (accel->slots[RTI_SPHERE] || accel->slots[RTI_INSTANCE]) {
+        if (stack) return any ? rti_kd_stack_any_all : rti_kd_stack_closest_all;
+        return any ? rti_kd_restart_any_all : rti_kd_restart_closest_all;
+    }
 #endif
-    return any ? rti_kd_stack_any(accel, p, live, inst, job) : rti_kd_stack_closest(accel, p, live, inst, job);
+    if (stack) return any ? rti_kd_stack_any : rti_kd_stack_closest;
+    return any ? rti_kd_restart_any : rti_kd_restart_closest;
 }
 
 #endif
@@ -10816,19 +10931,17 @@ RTI_THREAD_WALK(rti_thread_any_count, RTI_WALK_ALL | RTI_WALK_EITHER | RTI_WALK_
 #endif
 #undef RTI_THREAD_WALK
 
-RTI_FN unsigned rti_thread_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
+RTI_FN rti_walker rti_thread_walker(const rt_accel *accel, const rti_job *job)
 {
     const bool any = job->query == RT_ANY;
 #if RTI_STATS
-    if (job->stats) return any ? rti_thread_any_count(accel, p, live, inst, job) : rti_thread_closest_count(accel, p, live, inst, job);
+    if (job->stats) return any ? rti_thread_any_count : rti_thread_closest_count;
 #endif
-    if (accel->bounds == RT_BOUNDS_SPHERES)
-        return any ? rti_thread_any_round(accel, p, live, inst, job) : rti_thread_closest_round(accel, p, live, inst, job);
+    if (accel->bounds == RT_BOUNDS_SPHERES) return any ? rti_thread_any_round : rti_thread_closest_round;
 #if RTI_SPHERES || RTI_INSTANCES
-    if (accel->slots[RTI_SPHERE] || accel->slots[RTI_INSTANCE])
-        return any ? rti_thread_any_all(accel, p, live, inst, job) : rti_thread_closest_all(accel, p, live, inst, job);
+    if (accel->slots[RTI_SPHERE] || accel->slots[RTI_INSTANCE]) return any ? rti_thread_any_all : rti_thread_closest_all;
 #endif
-    return any ? rti_thread_any(accel, p, live, inst, job) : rti_thread_closest(accel, p, live, inst, job);
+    return any ? rti_thread_any : rti_thread_closest;
 }
 
 #if RTI_WIDTH > 1
@@ -10855,7 +10968,7 @@ RTI_NOINLINE RTI_TARGET void rti_thread_groups(const rt_accel *accel, rti_packet
 
 /* ---- >>single ------------------------------------------------------------------------------------------------------- */
 
-#if RTI_WIDTH > 1
+#if RTI_WIDTH > 1 && RTI_BVH
 
 /* RT_BVH_WIDE: rays of a packet go one after the other, and each meets the boxes of a node's children, or the triangles of a leaf, RTI_WIDTH
    at a time. The test that decides is rti_hit_triangle's, with triangles in the place of rays: so the hit is the same. */
@@ -11069,6 +11182,16 @@ RTI_WIDE(rti_wide_closest_count, RTI_WALK_COUNT | RTI_WALK_ALL)
 RTI_WIDE(rti_wide_any_count, RTI_WALK_COUNT | RTI_WALK_ALL | RTI_WALK_ANY)
 #endif
 #undef RTI_WIDE
+
+/* Triangles alone, from the root on. */
+RTI_NOINLINE RTI_TARGET unsigned rti_wide_root_closest(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
+{
+    return rti_wide_closest(accel, p, live, 0, 0, inst, job);
+}
+RTI_NOINLINE RTI_TARGET unsigned rti_wide_root_any(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
+{
+    return rti_wide_any(accel, p, live, 0, 0, inst, job);
+}
 
 RTI_FN unsigned rti_wide_from(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t index, uint32_t count, uint32_t inst,
                               const rti_job *job)
@@ -11315,7 +11438,7 @@ RTI_NOINLINE RTI_TARGET unsigned rti_sheaf_any(const rt_accel *accel, rti_packet
     return rti_sheaf_body(accel, p, live, r, index, inst, true, job);
 }
 
-RTI_FN unsigned rti_walk_wide(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
+RTI_NOINLINE RTI_TARGET unsigned rti_walk_wide(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
 {
     if (job->side > 1 && p->uniform && rti_bit_count(live) > RTI_FEW_LANES) {
         const rti_interval r = rti_make_interval(p, live);
@@ -11324,48 +11447,77 @@ RTI_FN unsigned rti_walk_wide(const rt_accel *accel, rti_packet *p, unsigned liv
     return rti_wide_from(accel, p, live, 0, 0, inst, job);
 }
 
-#endif /* RTI_WIDTH > 1 */
+#endif /* RTI_WIDTH > 1 && RTI_BVH */
 
 /* ---- >>walk --------------------------------------------------------------------------------------------------------- */
 
-/* Leaves out what this accel does not have. */
-RTI_FN unsigned rti_walk_tree(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
+/* Bodies that leave out what an accel does not have, or a job does not ask for; chosen once a batch. */
+
+RTI_NOINLINE RTI_TARGET unsigned rti_walk_nothing(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
+{
+    (void)accel, (void)p, (void)live, (void)inst, (void)job;
+    return 0;
+}
+
+RTI_FN rti_walker rti_tree_walker(const rt_accel *accel, const rti_job *job)
 {
     const bool any = job->query == RT_ANY;
-    if (!accel->node_count || !live) return 0;
+    (void)any;
+    if (!accel->node_count) return rti_walk_nothing;
 #if RTI_KDTREE
-    if (accel->structure == RT_KDTREE) return rti_kd_walk(accel, p, live, inst, job);
+    if (accel->structure == RT_KDTREE) return rti_kd_walker(accel, job);
 #endif
 #if RTI_THREADED
-    if (accel->structure == RT_THREADED) return rti_thread_walk(accel, p, live, inst, job);
+    if (accel->structure == RT_THREADED) return rti_thread_walker(accel, job);
 #endif
+#if RTI_BVH
 #if RTI_WIDTH > 1
-    if (job->wide && accel->wides && (job->side == 1 || accel->node_count > RTI_FEW_NODES)) return rti_walk_wide(accel, p, live, inst, job);
+    if (job->wide && accel->wides && (job->side == 1 || accel->node_count > RTI_FEW_NODES)) {
+        if (job->side > 1 || accel->slots[RTI_SPHERE] || accel->slots[RTI_INSTANCE] || job->stats) return rti_walk_wide;
+        return any ? rti_wide_root_any : rti_wide_root_closest;
+    }
 #endif
 #if RTI_STATS
-    if (job->stats) return any ? rti_walk_any_count(accel, p, live, inst, job) : rti_walk_closest_count(accel, p, live, inst, job);
+    if (job->stats) return any ? rti_walk_any_count : rti_walk_closest_count;
 #endif
 #if RTI_SPHERES || RTI_INSTANCES
-    if (accel->slots[RTI_SPHERE] || accel->slots[RTI_INSTANCE])
-        return any ? rti_walk_any_all(accel, p, live, inst, job) : rti_walk_closest_all(accel, p, live, inst, job);
+    if (accel->slots[RTI_SPHERE] || accel->slots[RTI_INSTANCE]) return any ? rti_walk_any_all : rti_walk_closest_all;
 #endif
-    return any ? rti_walk_any(accel, p, live, inst, job) : rti_walk_closest(accel, p, live, inst, job);
+    return any ? rti_walk_any : rti_walk_closest;
+#else
+    return rti_walk_nothing;
+#endif
 }
+
+#if RTI_PLANES
+/* First: what is behind them need not be looked at. */
+RTI_NOINLINE RTI_TARGET unsigned rti_walk_planes(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
+{
+    const unsigned found = rti_hit_planes(accel, p, live, inst, job), left = job->query == RT_ANY ? live & ~found : live;
+    return found | (left ? rti_tree_walker(accel, job)(accel, p, left, inst, job) : 0);
+}
+#endif
+
+RTI_FN rti_walker rti_walker_of(const rt_accel *accel, const rti_job *job)
+{
+#if RTI_PLANES
+    if (RTI_UNLIKELY(accel->plane_count)) return rti_walk_planes;
+#endif
+    return rti_tree_walker(accel, job);
+}
+
+/* For rt_accel.single_walks. */
+typedef void (*rti_single_walker)(void);
+RTI_NOINLINE RTI_TARGET rti_single_walker rti_single_walk(const rt_accel *accel, const rti_job *job) { return (rti_single_walker)rti_walker_of(accel, job); }
 
 RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
 {
-#if RTI_PLANES
-    if (RTI_UNLIKELY(accel->plane_count && live)) {         /* first: what is behind them need not be looked at */
-        const unsigned found = rti_hit_planes(accel, p, live, inst, job);
-        return found | rti_walk_tree(accel, p, job->query == RT_ANY ? live & ~found : live, inst, job);
-    }
-#endif
-    return rti_walk_tree(accel, p, live, inst, job);
+    return live ? rti_walker_of(accel, job)(accel, p, live, inst, job) : 0;
 }
 
 /* ---- >>large -------------------------------------------------------------------------------------------------------- */
 
-#if RTI_WIDTH > 1
+#if RTI_WIDTH > 1 && RTI_BVH
 
 /* [Overbeck] 3 and 4: up to RT_MAX_PACKET x RT_MAX_PACKET rays go down the tree together, the SIMD ray (an rti_packet) being the smallest of
    them. Lanes without a legal ray, and those that need no more hits, have an empty interval: tmin infinite, t below it. Every test fails
@@ -11859,9 +12011,8 @@ RTI_NOINLINE RTI_TARGET void rti_large_triangles(const rt_accel *accel, rti_larg
 #if RTI_INSTANCES
 static RTI_TARGET void rti_large_walk(const rt_accel *accel, rti_large *g, uint32_t inst, const rti_job *job);
 
-/* The SIMD rays of list, where they meet the leaf's box, go on in object space as a large packet of their own: at most RTI_NESTED at once,
-   so that nesting takes little stack. Through a k-d tree they go one by one. */
-/* The instances of a leaf; door: its box, or NULL. */
+/* The SIMD rays of list, where they meet the box of a leaf of instances, its door, which may be NULL, go on in object space as a large packet of
+   their own: at most RTI_NESTED at once, so that nesting takes little stack. Through a k-d tree they go one by one. */
 RTI_NOINLINE RTI_TARGET void rti_large_instances(const rt_accel *accel, rti_large *g, const rti_door *door, uint32_t first, uint32_t count,
                                                  const unsigned char *list, int length, uint32_t inst, const rti_job *job)
 {
@@ -11898,16 +12049,14 @@ RTI_NOINLINE RTI_TARGET void rti_large_instances(const rt_accel *accel, rti_larg
 }
 #endif
 
-/* The primitives of a leaf against the SIMD rays of list. Spheres and instances are dear: each SIMD ray is asked for its box first. */
-RTI_FN void rti_large_leaf(const rt_accel *accel, rti_large *g, const rti_door *door, const rti_node *leaf, const unsigned char *list,
-                           int length, uint32_t inst, const rti_job *job, int depth)
+#if RTI_SPHERES || RTI_INSTANCES
+/* Spheres and instances are dear: each SIMD ray is asked for their leaf's box first. */
+RTI_NOINLINE RTI_TARGET void rti_large_others(const rt_accel *accel, rti_large *g, const rti_node *leaf, const unsigned char *list, int length,
+                                              uint32_t inst, const rti_job *job, int depth)
 {
     const uint32_t first = leaf->index, count = rti_leaf_count(leaf);
-    (void)door;
-    if (rti_leaf_kind(leaf) == RTI_TRIANGLE) {
-        rti_large_triangles(accel, g, first, count, list, length, inst, job, depth);
-        return;
-    }
+    const rti_door door = rti_make_door(g, leaf->bounds);       /* again: the one of a walk stays in registers */
+    (void)depth;
 #if RTI_STATS
     if (job->stats) {
         const uint64_t tests = (uint64_t)count * rti_count_rays(g, list, length);
@@ -11921,15 +12070,29 @@ RTI_FN void rti_large_leaf(const rt_accel *accel, rti_large *g, const rti_door *
         int i;
         for (i = 0; i < length; i++) {
             rti_packet *p = &g->rays[list[i]];
-            const unsigned lanes = rti_pass(g, door, p) & p->live;
+            const unsigned lanes = rti_pass(g, &door, p) & p->live;
             if (lanes) rti_note(g, p, rti_hit_spheres(accel, p, lanes, NULL, first, count, inst, any ? RTI_WALK_ANY : 0), any);
         }
         return;
     }
 #endif
 #if RTI_INSTANCES
-    rti_large_instances(accel, g, door, first, count, list, length, inst, job);
+    rti_large_instances(accel, g, &door, first, count, list, length, inst, job);
 #endif
+}
+#endif
+
+/* The primitives of a leaf against the SIMD rays of list. */
+RTI_FN void rti_large_leaf(const rt_accel *accel, rti_large *g, const rti_node *leaf, const unsigned char *list, int length, uint32_t inst,
+                           const rti_job *job, int depth)
+{
+#if RTI_SPHERES || RTI_INSTANCES
+    if (RTI_UNLIKELY(rti_leaf_kind(leaf) != RTI_TRIANGLE)) {
+        rti_large_others(accel, g, leaf, list, length, inst, job, depth);
+        return;
+    }
+#endif
+    rti_large_triangles(accel, g, leaf->index, rti_leaf_count(leaf), list, length, inst, job, depth);
 }
 
 /* A box test, counted. */
@@ -12041,7 +12204,7 @@ RTI_FN void rti_large_body(const rt_accel *accel, rti_large *g, uint32_t inst, c
                 list += active;
                 alive = rti_last_hit(g, &door, active, flags, job, depth) - active;
             }
-            rti_large_leaf(accel, g, &door, node, list, alive, inst, job, depth);
+            rti_large_leaf(accel, g, node, list, alive, inst, job, flags & RTI_WALK_COUNT ? depth : 0);
             if (!g->open) return;
         }
         if (!top) return;
@@ -12126,11 +12289,11 @@ RTI_NOINLINE RTI_TARGET void rti_large_walk(const rt_accel *accel, rti_large *g,
     (job->large == RT_BVH_MASKED ? rti_walk_masked : job->large == RT_BVH_RANGED ? rti_walk_ranged : rti_walk_partition)(accel, g, inst, job);
 }
 
-#endif /* RTI_WIDTH > 1 */
+#endif /* RTI_WIDTH > 1 && RTI_BVH */
 
 /* ---- >>crowds -------------------------------------------------------------------------------------------------------- */
 
-#if RTI_WIDTH > 1
+#if RTI_WIDTH > 1 && RTI_BVH
 
 /* Packets of RT_BVH_WIDE: up to 256 rays. 8 children are asked with what bounds all rays, see rti_interval, then a child that is left with what
    bounds each of 8 SIMD rays; so are the triangles of a leaf ([Boulos] 4). One or two SIMD rays that are left go on as such.
@@ -12305,8 +12468,9 @@ RTI_FN void rti_crowd_note(rti_crowd *c, int i, unsigned hit, const bool any)
     c->t[i] = rti_vmost(rti_vselect(p->live, rti_vload(p->t), rti_vset(-RTI_INFINITY)));
 }
 
-RTI_FN void rti_crowd_octet(rti_crowd *c, uint64_t list, const rti_octet *octet, uint32_t count, uint32_t inst, const bool any, const rti_job *job)
+RTI_FN void rti_crowd_octet(rti_crowd *c, uint64_t list, const rti_octet *octet, uint32_t count, uint32_t inst, const int flags, const rti_job *job)
 {
+    const bool any = (flags & RTI_WALK_ANY) != 0;
     uint32_t at;
     (void)job;
     for (at = 0; at < RTI_CHILDREN && at < count; at += RTI_WIDTH) {
@@ -12336,7 +12500,7 @@ RTI_FN void rti_crowd_octet(rti_crowd *c, uint64_t list, const rti_octet *octet,
                 rti_packet *p = &c->rays[i];
                 unsigned hit = 0;
                 int kz;
-                RTI_TALLY(job->stats, RTI_COUNTS(job) ? RTI_WALK_COUNT : 0, prims, rti_bit_count(p->live));
+                RTI_TALLY(job->stats, flags, prims, rti_bit_count(p->live));
                 for (kz = p->first_axis; kz <= p->last_axis; kz++) {
                     const unsigned lanes = p->live & p->axis[kz];
                     rti_shear shear;
@@ -12354,12 +12518,16 @@ RTI_NOINLINE RTI_TARGET void rti_walk_crowd(const rt_accel *accel, rti_packet *r
 
 #if RTI_SPHERES || RTI_INSTANCES
 /* The spheres or instances of a leaf, which are dear: each ray is asked for its box first. Rays of a crowd go through an instance together. */
-RTI_NOINLINE RTI_TARGET void rti_crowd_others(const rt_accel *accel, rti_crowd *c, uint64_t list, uint32_t kind, uint32_t first, uint32_t count,
-                                              const rti_v near[3], const rti_v far[3], uint32_t inst, const rti_job *job)
+RTI_NOINLINE RTI_TARGET void rti_crowd_others(const rt_accel *accel, rti_crowd *c, uint64_t list, const rti_wide *node, int child, uint32_t inst,
+                                              const rti_job *job)
 {
     const bool any = job->query == RT_ANY;
+    const uint32_t kind = node->count[child] >> RTI_KIND_SHIFT;
+    uint32_t first = node->index[child], count = node->count[child] & RTI_COUNT_MASK;
+    rti_v near[3], far[3];
     uint64_t left;
     (void)kind;
+    rti_wide_box(node, child, c->side, near, far);      /* again: those of the walk stay in registers */
 #if RTI_SPHERES
     for (left = kind == RTI_SPHERE ? list : 0; left; left &= left - 1) {
         const int i = rti_lowest_of(left);
@@ -12412,8 +12580,9 @@ RTI_FN void rti_crowd_part(const rt_accel *accel, rti_crowd *c, int i, uint32_t 
 }
 
 /* From near to far: what waits lies on a stack, with the SIMD rays that met its parent. */
-RTI_FN void rti_crowd_body(const rt_accel *accel, rti_crowd *c, uint32_t inst, const bool any, const rti_job *job)
+RTI_FN void rti_crowd_body(const rt_accel *accel, rti_crowd *c, uint32_t inst, const int flags, const rti_job *job)
 {
+    const bool any = (flags & RTI_WALK_ANY) != 0;
     struct { uint64_t list; const rti_wide *node; float enter; int child; } stack[RTI_WIDE_STACK];
     uint64_t list = c->list;
     uint32_t index = 0;
@@ -12431,7 +12600,7 @@ RTI_FN void rti_crowd_body(const rt_accel *accel, rti_crowd *c, uint32_t inst, c
             rti_vstore(enter + i, first);
         }
 #if RTI_STATS
-        if (job->stats) {
+        if (flags & RTI_WALK_COUNT) {
             const uint64_t rays = rti_count_list(c->rays, list);
             job->stats->steps++;
             job->stats->nodes += rays;
@@ -12457,7 +12626,7 @@ RTI_FN void rti_crowd_body(const rt_accel *accel, rti_crowd *c, uint32_t inst, c
             node = stack[--top].node;
             i = stack[top].child;
             rti_wide_box(node, i, c->side, near, far);
-            RTI_TALLY(job->stats, RTI_COUNTS(job) ? RTI_WALK_COUNT : 0, boxes, rti_count_list(c->rays, stack[top].list));
+            RTI_TALLY(job->stats, flags, boxes, rti_count_list(c->rays, stack[top].list));
             list = rti_crowd_meets(c, stack[top].list, near, far);
             if (!list) continue;
             index = node->index[i];
@@ -12466,7 +12635,7 @@ RTI_FN void rti_crowd_body(const rt_accel *accel, rti_crowd *c, uint32_t inst, c
             some = list & (list - 1);
             if (!count && some & (some - 1)) break;         /* one or two SIMD rays go on alone */
 #if RTI_STATS
-            if (job->stats && count) {
+            if (flags & RTI_WALK_COUNT && count) {
                 const uint64_t rays = rti_count_list(c->rays, list);
                 job->stats->steps++;
                 job->stats->leaves += rays;
@@ -12480,25 +12649,28 @@ RTI_FN void rti_crowd_body(const rt_accel *accel, rti_crowd *c, uint32_t inst, c
                 const rti_octet *octet = &gathered;
                 if (accel->octets) octet = accel->octets + index;
                 else rti_gather_octet(accel, index, n, &gathered);
-                rti_crowd_octet(c, list, octet, n, inst, any, job);
+                rti_crowd_octet(c, list, octet, n, inst, flags, job);
             }
 #if RTI_SPHERES || RTI_INSTANCES
-            else rti_crowd_others(accel, c, list, count >> RTI_KIND_SHIFT, index, n, near, far, inst, job);
+            else rti_crowd_others(accel, c, list, node, i, inst, job);
 #endif
             if (any && !c->open) return;
         }
     }
 }
 
-RTI_NOINLINE RTI_TARGET void rti_crowd_closest(const rt_accel *accel, rti_crowd *c, uint32_t inst, const rti_job *job)
-{
-    rti_crowd_body(accel, c, inst, false, job);
-}
-
-RTI_NOINLINE RTI_TARGET void rti_crowd_any(const rt_accel *accel, rti_crowd *c, uint32_t inst, const rti_job *job)
-{
-    rti_crowd_body(accel, c, inst, true, job);
-}
+#define RTI_CROWD_WALK(name, flags)                                                                          \
+    RTI_NOINLINE RTI_TARGET void name(const rt_accel *accel, rti_crowd *c, uint32_t inst, const rti_job *job) \
+    {                                                                                                        \
+        rti_crowd_body(accel, c, inst, flags, job);                                                          \
+    }
+RTI_CROWD_WALK(rti_crowd_closest, 0)
+RTI_CROWD_WALK(rti_crowd_any, RTI_WALK_ANY)
+#if RTI_STATS
+RTI_CROWD_WALK(rti_crowd_closest_count, RTI_WALK_COUNT)
+RTI_CROWD_WALK(rti_crowd_any_count, RTI_WALK_ANY | RTI_WALK_COUNT)
+#endif
+#undef RTI_CROWD_WALK
 
 /* SIMD rays, prepared, with live and found set. */
 RTI_NOINLINE RTI_TARGET void rti_walk_crowd(const rt_accel *accel, rti_packet *rays, int count, uint32_t inst, const rti_job *job)
@@ -12539,16 +12711,23 @@ RTI_NOINLINE RTI_TARGET void rti_walk_crowd(const rt_accel *accel, rti_packet *r
         if (!(c.list & (c.list - 1))) c.list = 0;
         alone |= list & ~c.list;
         if (!c.list) continue;
+#if RTI_STATS
+        if (job->stats) {
+            if (any) rti_crowd_any_count(accel, &c, inst, job);
+            else rti_crowd_closest_count(accel, &c, inst, job);
+            continue;
+        }
+#endif
         if (any) rti_crowd_any(accel, &c, inst, job);
         else rti_crowd_closest(accel, &c, inst, job);
     }
     for (; alone; alone &= alone - 1) {
         rti_packet *p = &rays[rti_lowest_of(alone)];
-        p->found |= rti_walk_tree(accel, p, p->live, inst, job);
+        if (p->live) p->found |= rti_tree_walker(accel, job)(accel, p, p->live, inst, job);
     }
 }
 
-#endif /* RTI_WIDTH > 1 */
+#endif /* RTI_WIDTH > 1 && RTI_BVH */
 
 
 /* ---- >>batch -------------------------------------------------------------------------------------------------------- */
@@ -12634,6 +12813,17 @@ RTI_FN unsigned rti_take_rays(const rt_accel *accel, const rti_job *job, const r
         }
         rti_vstore(p->tmin, from->tmin ? rti_take_lanes(from->tmin, first, n) : rti_vset(0));
         rti_vstore(p->t, from->tmax ? rti_take_lanes(from->tmax, first, n) : rti_vset(RTI_INFINITY));
+    } else if (RTI_WIDTH > 1 && n == 1) {   /* by rt_intersect and rt_occluded */
+        const rt_ray *ray = rays + first;
+        const float org[3] = { ray->org.x, ray->org.y, ray->org.z }, dir[3] = { ray->dir.x, ray->dir.y, ray->dir.z };
+        int k;
+        RTI_UNROLL
+        for (k = 0; k < 3; k++) {
+            rti_vstore(p->org[k], rti_vset(org[k]));
+            rti_vstore(p->dir[k], rti_vset(dir[k]));
+        }
+        rti_vstore(p->tmin, rti_vset(ray->tmin));
+        rti_vstore(p->t, rti_vset(ray->tmax));
     } else if (n < RTI_WIDTH) {
         rt_ray padded[RTI_WIDTH];
         int i;
@@ -12663,10 +12853,23 @@ RTI_FN void rti_give_hits(const rti_job *job, const rti_packet *p, unsigned foun
     const bool any = job->query == RT_ANY;
     const rt_hit_arrays *to = job->to;
     const rti_v none = rti_vid(RT_NONE);
-    const rti_v t = rti_vselect(found, any ? rti_vset(0) : rti_vload(p->t), rti_vset(RTI_INFINITY));
-    const rti_v prim = rti_vselect(found, rti_vload(p->prim.bits), none), inst = any ? none : rti_vselect(found, rti_vload(p->inst.bits), none);
+    rti_v t, prim, inst;
     float row[5][RTI_WIDTH];
     int i;
+    if (RTI_WIDTH > 1 && n == 1 && !to) {
+        hits += first;
+        rti_set_miss(hits);
+        if (!found) return;
+        hits->t = any ? 0 : p->t[0];
+        hits->u = p->u[0];
+        hits->v = p->v[0];
+        hits->prim = p->prim.id[0];
+        if (!any) hits->inst = p->inst.id[0];
+        return;
+    }
+    t = rti_vselect(found, any ? rti_vset(0) : rti_vload(p->t), rti_vset(RTI_INFINITY));
+    prim = rti_vselect(found, rti_vload(p->prim.bits), none);
+    inst = any ? none : rti_vselect(found, rti_vload(p->inst.bits), none);
     if (to) {
         rti_give_lanes(to->t, first, n, t);
         rti_give_lanes(to->u, first, n, rti_vload(p->u));
@@ -12721,6 +12924,7 @@ RTI_FN void rti_give_hits(const rti_job *job, const rti_packet *p, unsigned foun
 
 RTI_FN void rti_batch_run(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t first, size_t last, rt_hit *hits)
 {
+    const rti_walker walk = job->single ? (rti_walker)accel->single_walks[job->query] : rti_walker_of(accel, job);
     for (; first < last; first += RTI_WIDTH) {
         const int n = last - first < RTI_WIDTH ? (int)(last - first) : RTI_WIDTH;
         rti_packet p;
@@ -12728,7 +12932,7 @@ RTI_FN void rti_batch_run(const rt_accel *accel, const rti_job *job, const rt_ra
 #if RTI_STATS
         if (job->stats) job->stats->rays += (uint64_t)rti_bit_count(live);
 #endif
-        rti_give_hits(job, &p, rti_walk(accel, &p, live, RT_NONE, job), hits, first, n);
+        rti_give_hits(job, &p, live ? walk(accel, &p, live, RT_NONE, job) : 0, hits, first, n);
     }
 }
 
@@ -12742,6 +12946,7 @@ RTI_NOINLINE RTI_TARGET void rti_batch(const rt_accel *accel, const rti_job *job
 RTI_NOINLINE RTI_TARGET void rti_batch_parallel(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
 {
     const size_t side = (size_t)job->side;
+    const rti_walker walk = rti_walker_of(accel, job);
     size_t first;
     for (first = 0; first < count; first += side) {
         const int n = count - first < side ? (int)(count - first) : (int)side;
@@ -12757,7 +12962,7 @@ RTI_NOINLINE RTI_TARGET void rti_batch_parallel(const rt_accel *accel, const rti
 #endif
         }
         if (groups == 1 || !accel->node_count)
-            for (i = 0; i < groups; i++) found[i] = rti_walk(accel, &p[i], live[i], RT_NONE, job);
+            for (i = 0; i < groups; i++) found[i] = live[i] ? walk(accel, &p[i], live[i], RT_NONE, job) : 0;
         else {
 #if RTI_PLANES
             for (i = 0; i < groups && accel->plane_count; i++) {
@@ -12775,7 +12980,7 @@ RTI_NOINLINE RTI_TARGET void rti_batch_parallel(const rt_accel *accel, const rti
 }
 #endif
 
-#if RTI_WIDTH > 1
+#if RTI_WIDTH > 1 && RTI_BVH
 /* A large packet is read in a burst, with long pauses, which processors do not foresee: what comes next is asked for meanwhile. */
 RTI_FN void rti_fetch(const rt_ray *rays, const rt_hit *hits)
 {
@@ -12833,6 +13038,7 @@ RTI_FN void rti_crowd_packets(const rt_accel *accel, const rti_job *job, const r
                               rti_packet *packets)
 {
     const size_t size = (size_t)job->side * (size_t)job->side;
+    const rti_walker walk = rti_walker_of(accel, job);
     size_t begins[RTI_CROWD];
     for (; first < last; first += size) {
         const size_t end = last - first < size ? last : first + size;
@@ -12847,7 +13053,7 @@ RTI_FN void rti_crowd_packets(const rt_accel *accel, const rti_job *job, const r
             if (job->stats) job->stats->rays += (uint64_t)rti_bit_count(p->live);
 #endif
             if (p->live && p->uniform) begins[groups++] = at;
-            else rti_give_hits(job, p, rti_walk(accel, p, p->live, RT_NONE, job), hits, at, n);   /* of several octants: while it is near */
+            else rti_give_hits(job, p, p->live ? walk(accel, p, p->live, RT_NONE, job) : 0, hits, at, n);     /* of several octants: while it is near */
         }
         if (!rti_is_empty(accel)) rti_walk_crowd(accel, packets, groups, RT_NONE, job);
         for (i = 0; i < groups; i++) {
@@ -13541,6 +13747,8 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec
 #undef rti_crowd_body
 #undef rti_crowd_closest
 #undef rti_crowd_any
+#undef rti_crowd_closest_count
+#undef rti_crowd_any_count
 #undef rti_walk_crowd
 #undef rti_count_list
 #undef rti_batch_crowds
@@ -13569,6 +13777,8 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec
 #undef rti_kd_push
 #undef rti_kd_cross
 #undef rti_hit_run
+#undef rti_hit_others
+#undef rti_large_others
 #undef rti_kd_hit_leaf
 #undef rti_kd_stack_body
 #undef rti_kd_restart_body
@@ -13580,12 +13790,22 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec
 #undef rti_kd_stack_any_count
 #undef rti_kd_restart_closest
 #undef rti_kd_restart_any
+#undef rti_kd_restart_any_all
+#undef rti_kd_restart_closest_all
 #undef rti_kd_restart_closest_count
 #undef rti_kd_restart_any_count
 #undef rti_kd_stack_closest_all
 #undef rti_kd_stack_any_all
-#undef rti_kd_walk
-#undef rti_walk_tree
+#undef rti_kd_walker
+#undef rti_tree_walker
+#undef rti_walker
+#undef rti_walker_of
+#undef rti_single_walk
+#undef rti_single_walker
+#undef rti_wide_root_closest
+#undef rti_wide_root_any
+#undef rti_walk_nothing
+#undef rti_walk_planes
 #undef rti_hit_planes
 #undef rti_sweep
 #undef rti_make_sweep
@@ -13604,7 +13824,7 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec
 #undef rti_thread_closest_round
 #undef rti_thread_any_round
 #undef rti_thread_aim
-#undef rti_thread_walk
+#undef rti_thread_walker
 #undef rti_thread_groups
 #undef rti_batch_parallel
 #undef RTI_GROUPS

@@ -848,6 +848,8 @@ static bool rti_gpu_collect(rti_gpu_upload *u, const rt_accel *root)
 
 /* ---- wide nodes */
 
+#if RTI_BVH
+
 /* Planes that a device finds at origin + step * q, never inside of [lo, hi]; false: the step is too small. */
 static bool rti_gpu_quantize(float origin, float step, float lo, float hi, uint8_t *lower, uint8_t *upper)
 {
@@ -917,12 +919,14 @@ static bool rti_widen(rt_gpu *gpu, const rt_accel *accel, void *to, size_t *coun
     return done;
 }
 
+#endif
+
 /* ---- arrays */
 
 static bool rti_gpu_measure(rt_gpu *gpu, rti_gpu_part *part)
 {
     const rt_accel *a = part->accel;
-    size_t *bytes = part->bytes, wide;
+    size_t *bytes = part->bytes;
     if (a->structure != RT_KDTREE) bytes[RTI_GPU_NODES] = a->node_count * sizeof(rti_node);
 #if RTI_KDTREE
     if (a->structure == RT_KDTREE) {
@@ -943,10 +947,14 @@ static bool rti_gpu_measure(rt_gpu *gpu, rti_gpu_part *part)
 #if RTI_PLANES
     bytes[RTI_GPU_PLANES] = a->plane_count * sizeof(rti_ground);
 #endif
+#if RTI_BVH
     if (a->structure == RT_BVH && a->node_count) {
+        size_t wide;
         if (!rti_widen(gpu, a, NULL, &wide, &part->wide_depth)) return false;
         bytes[RTI_GPU_WIDE] = wide * (gpu->info.gpu ? sizeof(rti_gpu_compact) : sizeof(rti_wide));
     }
+#endif
+    (void)gpu;
     return true;
 }
 
@@ -981,9 +989,12 @@ static const void *rti_gpu_raw(const rt_accel *a, rti_gpu_array array)
 static bool rti_gpu_convert(rti_gpu_upload *u, const rti_gpu_part *part, rti_gpu_array array, void *to)
 {
     const rt_accel *a = part->accel;
-    size_t i, count;
+    size_t i;
+#if RTI_BVH
     uint32_t depth;
-    if (array == RTI_GPU_WIDE) return rti_widen(u->gpu, a, to, &count, &depth);
+    if (array == RTI_GPU_WIDE) return rti_widen(u->gpu, a, to, &i, &depth);
+#endif
+    (void)u;
     if (array == RTI_GPU_TRIANGLES)
         for (i = 0; i < a->slots[RTI_TRIANGLE]; i++) {
             rti_triangle *triangle = (rti_triangle *)to + i;
@@ -1735,7 +1746,7 @@ static void rti_gpu_set_levels(const rt_gpu *gpu, const rt_gpu_accel *accel, rti
         level->wide_depth = rti_gpu_round_depth(level->wide_depth, 2);
         if (!gpu->general) continue;
         if (!i) level->structures = 1u << accel->structure;
-        else if (levels <= 4) level->structures = (1u << RT_BVH) | (RTI_KDTREE ? 1u << RT_KDTREE : 0) | (RTI_THREADED ? 1u << RT_THREADED : 0);
+        else if (levels <= 4) level->structures = (RTI_BVH ? 1u << RT_BVH : 0) | (RTI_KDTREE ? 1u << RT_KDTREE : 0) | (RTI_THREADED ? 1u << RT_THREADED : 0);
         level->kinds = 1u << RTI_TRIANGLE | (RTI_SPHERES ? 1u << RTI_SPHERE : 0) | (RTI_INSTANCES ? 1u << RTI_INSTANCE : 0);
         level->bounds = RTI_THREADED ? 3 : 0;
         level->planes = RTI_PLANES;
