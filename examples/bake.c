@@ -10,11 +10,11 @@ static const char program[] = "bake";
 #include "pool.h"
 #include "scene.h"
 #include "options.h"
+#include "output.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
-#include <unistd.h>
 
 #define MAX_RAYS 4096
 #define BLOCK 16                            /* triangles that a thread takes at once */
@@ -248,22 +248,12 @@ static bool write_obj(FILE *file, const scene *s, const float *value)
     return ok;
 }
 
-/* To a file beside it that is renamed when it is whole. */
 static bool write_file(const options *o, const scene *s, const float *value)
 {
-    char temporary[4096];
-    FILE *file;
-    bool ok;
+    output out;
 
-    if (snprintf(temporary, sizeof temporary, "%s.tmp.%ld", o->output, (long)getpid()) >= (int)sizeof temporary)
-        return fail("%s: too long a name", o->output);
-    file = fopen(temporary, "w");
-    ok = file && (strcmp(strrchr(o->output, '.'), ".ply") == 0 ? write_ply : write_obj)(file, s, value);
-    if (file && fclose(file) != 0) ok = false;
-    if (ok && rename(temporary, o->output) == 0) return true;
-    (void)fail("%s: cannot write it: %s", o->output, strerror(errno));
-    if (file) remove(temporary);
-    return false;
+    return open_output(&out, o->output) &&
+           close_output(&out, (strcmp(strrchr(o->output, '.'), ".ply") == 0 ? write_ply : write_obj)(out.file, s, value));
 }
 
 /* ---- >>main --------------------------------------------------------------------------------------------------------- */
@@ -273,12 +263,13 @@ static void print_warning(void *user, const char *text)
     if (!((const options *)user)->quiet) fprintf(stderr, "bake: %s\n", text);
 }
 
-static bool bake(const options *o, const scene *content, pool *threads)
+static bool bake(const options *o, const scene *content)
 {
     const size_t triangles = content->geometry.triangle_count, vertices = content->geometry.vertex_count;
     rt_build_options build;
     rt_accel *accel = NULL;
     rt_error error;
+    pool *threads = NULL;
     baker b;
     double *sums = (double *)calloc(2 * vertices + 1, sizeof *sums), start = seconds_now(), built, traced;
     float *value = (float *)malloc((vertices + 1) * sizeof *value);
@@ -289,6 +280,7 @@ static bool bake(const options *o, const scene *content, pool *threads)
     b.seen = (float (*)[3])calloc(triangles + 1, sizeof *b.seen);
     b.weight = (float (*)[3])calloc(triangles + 1, sizeof *b.weight);
     ok = (sums && value && b.seen && b.weight) || fail("out of memory");
+    if (ok) ok = (threads = pool_create(o->threads)) != NULL || fail("cannot start the threads: choose a smaller --threads");
     if (ok) {
         memset(&build, 0, sizeof build);
         build.parallel_for = pool_for;
@@ -302,6 +294,8 @@ static bool bake(const options *o, const scene *content, pool *threads)
         pool_for(threads, (triangles + BLOCK - 1) / BLOCK, bake_block, &b);
         traced = seconds_now();
         gather(&b, sums, value);
+        pool_destroy(threads);              /* leaves one thread, as hold_signals wants */
+        threads = NULL;
         ok = write_file(o, content, value);
         if (ok && !o->quiet) {
             const double rays = (double)triangles * o->rays * (o->two_sided ? 2 : 1);
@@ -311,6 +305,7 @@ static bool bake(const options *o, const scene *content, pool *threads)
         }
     }
     rt_free(accel);
+    pool_destroy(threads);
     free(sums), free(value), free(b.seen), free(b.weight);
     return ok;
 }
@@ -320,7 +315,6 @@ int main(int argc, char **argv)
     options o = { .output = "out/bake.ply", .rays = 256 };
     scene content;
     scene_error error;
-    pool *threads;
     bool ok;
 
     if (!parse_options(&o, argc, argv)) return EXIT_FAILURE;
@@ -328,14 +322,12 @@ int main(int argc, char **argv)
         print_help();
         return EXIT_SUCCESS;
     }
+    if (!check_output(o.output, o.scene)) return EXIT_FAILURE;
     if (!scene_load(&content, o.scene, print_warning, &o, &error)) {
         (void)fail("%s", error.message);
         return EXIT_FAILURE;
     }
-    threads = pool_create(o.threads);
-    ok = (threads || fail("threads cannot be started")) && (content.geometry.triangle_count || fail("%s: there are no triangles", o.scene)) &&
-         bake(&o, &content, threads);
-    pool_destroy(threads);
+    ok = (content.geometry.triangle_count || fail("%s: there are no triangles", o.scene)) && bake(&o, &content);
     scene_free(&content);
     return ok ? EXIT_SUCCESS : EXIT_FAILURE;
 }

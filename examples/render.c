@@ -12,10 +12,10 @@ static const char program[] = "render";
 #include "pool.h"
 #include "scene.h"
 #include "options.h"
+#include "output.h"
 #include "refine.h"
 
 #include <errno.h>
-#include <fcntl.h>
 #include <limits.h>
 #include <math.h>
 #include <pthread.h>
@@ -24,7 +24,6 @@ static const char program[] = "render";
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -344,42 +343,7 @@ static bool check_tracing(options *o, rt_trace_options *trace)
 
 /* ---- >>output ------------------------------------------------------------------------------------------------------- */
 
-/* Keeps the signals that end a program waiting while a temporary file exists, so that none is left behind. */
-static void hold_signals(int how)
-{
-    sigset_t set;
-
-    sigemptyset(&set);
-    sigaddset(&set, SIGINT);
-    sigaddset(&set, SIGTERM);
-    sigaddset(&set, SIGHUP);
-    sigprocmask(how, &set, NULL);
-}
-
-/* Finds out before the work whether a file can be written afterwards: by writing an empty one beside it. */
-static bool check_output(const char *path, const char *scene_name)
-{
-    struct stat status;
-    char temporary[4096];
-    int file;
-
-    if (strcmp(path, scene_name) == 0) return fail("%s: is the scene; choose another file", path);
-    if (stat(path, &status) == 0) {
-        if (S_ISDIR(status.st_mode)) return fail("%s: is a folder", path);
-        if (!S_ISREG(status.st_mode)) return fail("%s: is not an ordinary file", path);
-        if (access(path, W_OK) != 0) return fail("%s: %s", path, strerror(errno));
-    }
-    if (snprintf(temporary, sizeof temporary, "%s.try.%ld", path, (long)getpid()) >= (int)sizeof temporary)
-        return fail("%s: %s", path, strerror(ENAMETOOLONG));
-    hold_signals(SIG_BLOCK);
-    file = open(temporary, O_WRONLY | O_CREAT | O_EXCL, 0666);
-    if (file < 0) fail("%s: %s", path, strerror(errno));
-    else { close(file); unlink(temporary); }
-    hold_signals(SIG_UNBLOCK);
-    return file >= 0;
-}
-
-/* For one thread only: signals are held in the thread that calls. */
+/* For one thread only, as hold_signals. */
 static bool write_picture(const options *o, const rt_vec3 *pixels)
 {
     char message[256] = "";
@@ -537,26 +501,16 @@ typedef struct { round_row rows[64]; size_t count; const char *why; } refine_log
 
 static bool write_report(const options *o, const refine_log *log)
 {
-    char temporary[4096];
-    FILE *file;
-    bool written;
+    output report;
     size_t i;
 
     if (!o->report) return true;
-    snprintf(temporary, sizeof temporary, "%s.new.%ld", o->report, (long)getpid());
-    hold_signals(SIG_BLOCK);
-    file = fopen(temporary, "w");
-    if (file) fputs("spp,seconds,rays,rmse,relmse\n", file);
-    for (i = 0; file && i < log->count; i++)
-        fprintf(file, "%.6g,%.6f,%llu,%.6g,%.6g\n", log->rows[i].samples, log->rows[i].seconds, (unsigned long long)log->rows[i].rays,
+    if (!open_output(&report, o->report)) return false;
+    fputs("spp,seconds,rays,rmse,relmse\n", report.file);
+    for (i = 0; i < log->count; i++)
+        fprintf(report.file, "%.6g,%.6f,%llu,%.6g,%.6g\n", log->rows[i].samples, log->rows[i].seconds, (unsigned long long)log->rows[i].rays,
                 log->rows[i].error, log->rows[i].relative);
-    written = file && !ferror(file);
-    if (file && fclose(file) != 0) written = false;
-    if (written && rename(temporary, o->report) != 0) written = false;
-    if (!written) fail("%s: %s", o->report, strerror(errno));
-    if (!written && file) unlink(temporary);
-    hold_signals(SIG_UNBLOCK);
-    return written;
+    return close_output(&report, true);
 }
 
 static void print_row(const options *o, const progress *bar, const round_row *row)

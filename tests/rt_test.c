@@ -9582,7 +9582,7 @@ static void rtt_test_bake(void)
         { "cornell --rays 0", "--rays" }, { "cornell --rays 4097", "1 to 4096" }, { "cornell --distance 0", "--distance" }, { "cornell --distance inf", "--distance" },
         { "cornell -o x.png", ".ply or .obj" }, { "cornell --bogus", "unknown option" }, { "cornell --seed", "needs a value" }, { "--quiet", "no scene" },
         { "cornell sphere:100", "two scenes" }, { "cornell --two-sided=1", "takes no value" }, { "no/such.obj", "no/such.obj" },
-        { "cornell -o no/such/folder/x.ply", "no/such/folder/x.ply" },
+        { "cornell -o no/such/folder/x.ply", "no/such/folder/x.ply" }, { "b.obj -o b.obj", "is the scene" },
     };
     char said[4096], command[2048], base[512];
     double sky[2] = { 0, 0 }, weight[2] = { 0, 0 };
