@@ -47,8 +47,6 @@ struct options {
     uint32_t seed;
 };
 
-#define NAME_OF(name, text) text,
-static const char *const structure_names[] = { RT_STRUCTURE_LIST(NAME_OF) };
 static const char *const sampler_names[] = { RT_SAMPLER_LIST(NAME_OF) };
 
 static bool set_output(options *o, const char *text)  { o->prefix = text; return text[0] && strlen(text) < 3000; }
@@ -60,6 +58,8 @@ static bool set_depth(options *o, const char *text)   { return read_int(text, '\
 static bool set_threads(options *o, const char *text) { return read_int(text, '\0', 1, 1024, &o->threads, NULL); }
 static bool set_crowd(options *o, const char *text)   { return read_int(text, '\0', 0, MAX_CROWD, &o->crowd, NULL); }
 static bool set_packet(options *o, const char *text)  { return read_int(text, '\0', 0, INT_MAX, &o->packet, NULL); }
+static bool set_structure(options *o, const char *text) { return read_structure(text, &o->structure); }
+static bool set_algorithm(options *o, const char *text) { return read_algorithm(text, &o->algorithm); }
 static bool set_gpu(options *o, const char *text)     { (void)text; return o->gpu = true; }
 static bool set_device(options *o, const char *text)  { o->device = text; return o->gpu = text[0]; }
 static bool set_quiet(options *o, const char *text)   { (void)text; return o->quiet = true; }
@@ -87,24 +87,10 @@ static bool set_seed(options *o, const char *text)
     return good;
 }
 
-static bool set_structure(options *o, const char *text)
-{
-    o->structure = (rt_structure)find_name(text, structure_names, RT_STRUCTURE_COUNT);
-    return o->structure != RT_STRUCTURE_COUNT;
-}
-
 static bool set_sampler(options *o, const char *text)
 {
     o->sampler = (rt_sampler_kind)find_name(text, sampler_names, RT_SAMPLER_COUNT);
     return o->sampler != RT_SAMPLER_COUNT;
-}
-
-static bool set_algorithm(options *o, const char *text)
-{
-    size_t i = 0;
-
-    while ((o->algorithm = rt_algorithm_get(i)) != NULL && strcmp(text, o->algorithm->name) != 0) i++;
-    return o->algorithm != NULL;
 }
 
 static bool set_only(options *o, const char *text)
@@ -124,7 +110,6 @@ static bool set_without(options *o, const char *text)
     return effect < EFFECTS;
 }
 
-#define LISTED(name, text) " " text
 static const option option_table[] = {
     { "-o",          "PREFIX", set_output,    "of the pictures' names (default out/animate)",       "a path" },
     { "--frames",    "N",      set_frames,    "how many (default 24)",                              "1 to 1000000" },

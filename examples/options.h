@@ -1,5 +1,6 @@
 /* options.h - the command lines of the programs: a table of options, read and printed.    SPDX-License-Identifier: MIT OR Unlicense
-   Before the include a program names itself, static const char program[] = "bake"; after it, it defines struct options. */
+   Include ../rt.h first. Before the include a program names itself, static const char program[] = "bake"; after it, it defines struct
+   options. */
 
 #ifndef OPTIONS_H
 #define OPTIONS_H
@@ -77,6 +78,31 @@ OPTIONS_API bool read_float(const char *text, char end, float *value, const char
     if (stop == text || *stop != end || !(fabsf(*value) <= RT_MAX_COORDINATE)) return false;
     if (rest) *rest = stop + 1;
     return true;
+}
+
+/* X,Y,Z */
+OPTIONS_API bool read_vec3(const char *text, rt_vec3 *value)
+{
+    return read_float(text, ',', &value->x, &text) && read_float(text, ',', &value->y, &text) && read_float(text, '\0', &value->z, NULL);
+}
+
+/* Of the library's lists: an array of the names, and all of them as one text. */
+#define NAME_OF(name, text) text,
+#define LISTED(name, text) " " text
+OPTIONS_API const char *const structure_names[] = { RT_STRUCTURE_LIST(NAME_OF) };
+
+OPTIONS_API bool read_structure(const char *text, rt_structure *structure)
+{
+    *structure = (rt_structure)find_name(text, structure_names, RT_STRUCTURE_COUNT);
+    return *structure != RT_STRUCTURE_COUNT;
+}
+
+OPTIONS_API bool read_algorithm(const char *text, const rt_algorithm_info **algorithm)
+{
+    size_t i = 0;
+
+    while ((*algorithm = rt_algorithm_get(i)) != NULL && strcmp(text, (*algorithm)->name) != 0) i++;
+    return *algorithm != NULL;
 }
 
 /* Is argument "name" or "name=..."? */

@@ -71,8 +71,6 @@ struct options {
 /* Is the picture drawn in rounds? */
 static bool refines(const options *o) { return o->report || o->error > 0 || o->seconds > 0 || o->adaptive; }
 
-#define NAME_OF(name, text) text,
-static const char *const structure_names[] = { RT_STRUCTURE_LIST(NAME_OF) };
 static const char *const cull_names[] = { RT_CULL_LIST(NAME_OF) };
 static const char *const sampler_names[] = { RT_SAMPLER_LIST(NAME_OF) };
 static const char *const filter_names[] = { RT_FILTER_LIST(NAME_OF) };
@@ -81,8 +79,7 @@ static const char *const bounds_names[] = { RT_BOUNDS_LIST(NAME_OF) };
 static bool read_point(const char *text, point *out)
 {
     out->given = true;
-    return read_float(text, ',', &out->value.x, &text) && read_float(text, ',', &out->value.y, &text) &&
-           read_float(text, '\0', &out->value.z, NULL);
+    return read_vec3(text, &out->value);
 }
 
 static bool set_output(options *o, const char *text)  { o->output = text; return text[0] != '\0'; }
@@ -95,6 +92,8 @@ static bool set_eye(options *o, const char *text)     { return read_point(text, 
 static bool set_look(options *o, const char *text)    { return read_point(text, &o->look); }
 static bool set_up(options *o, const char *text)      { return read_point(text, &o->up); }
 static bool set_light(options *o, const char *text)   { return read_point(text, &o->light); }
+static bool set_structure(options *o, const char *text) { return read_structure(text, &o->structure); }
+static bool set_algorithm(options *o, const char *text) { return read_algorithm(text, &o->algorithm); }
 static bool set_branching(options *o, const char *text) { return read_int(text, '\0', 2, RT_MAX_BRANCHING, &o->branching, NULL); }
 
 static bool read_length(const char *text, char end, float *value, const char **rest) { return read_float(text, end, value, rest) && *value >= 0; }
@@ -175,12 +174,6 @@ static bool set_size(options *o, const char *text)
            (long long)o->width * o->height <= MAX_PIXELS;
 }
 
-static bool set_structure(options *o, const char *text)
-{
-    o->structure = (rt_structure)find_name(text, structure_names, RT_STRUCTURE_COUNT);
-    return o->structure != RT_STRUCTURE_COUNT;
-}
-
 static bool set_cull(options *o, const char *text)
 {
     o->cull = (rt_cull)find_name(text, cull_names, RT_CULL_COUNT);
@@ -199,15 +192,6 @@ static bool set_illum(options *o, const char *text)
     return o->shiny || strcmp(text, "file") == 0;
 }
 
-static bool set_algorithm(options *o, const char *text)
-{
-    size_t i = 0;
-
-    while ((o->algorithm = rt_algorithm_get(i)) != NULL && strcmp(text, o->algorithm->name) != 0) i++;
-    return o->algorithm != NULL;
-}
-
-#define LISTED(name, text) " " text
 #define TEXT_(number) #number
 #define TEXT(number) TEXT_(number)
 
