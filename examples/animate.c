@@ -194,10 +194,9 @@ static void show_free(show *s)
 static bool show_make(show *s, const options *o)
 {
     const size_t actors = ACTORS + (size_t)o->crowd;
-    scene_error error;
     size_t i;
 
-    if (!scene_load(&s->imp, o->obj, NULL, NULL, &error)) return fail("%s", error.message);
+    if (!load_scene(&s->imp, o->obj, o->quiet)) return false;
     s->actors = (rt_instance *)calloc(actors, sizeof *s->actors);
     s->motions = (rt_motion *)calloc(actors, sizeof *s->motions);
     s->parts = (const rt_scene **)calloc(actors, sizeof *s->parts);

@@ -258,11 +258,6 @@ static bool write_file(const options *o, const scene *s, const float *value)
 
 /* ---- >>main --------------------------------------------------------------------------------------------------------- */
 
-static void print_warning(void *user, const char *text)
-{
-    if (!((const options *)user)->quiet) fprintf(stderr, "bake: %s\n", text);
-}
-
 static bool bake(const options *o, const scene *content)
 {
     const size_t triangles = content->geometry.triangle_count, vertices = content->geometry.vertex_count;
@@ -314,7 +309,6 @@ int main(int argc, char **argv)
 {
     options o = { .output = "out/bake.ply", .rays = 256 };
     scene content;
-    scene_error error;
     bool ok;
 
     if (!parse_options(&o, argc, argv)) return EXIT_FAILURE;
@@ -323,10 +317,7 @@ int main(int argc, char **argv)
         return EXIT_SUCCESS;
     }
     if (!check_output(o.output, o.scene)) return EXIT_FAILURE;
-    if (!scene_load(&content, o.scene, print_warning, &o, &error)) {
-        (void)fail("%s", error.message);
-        return EXIT_FAILURE;
-    }
+    if (!load_scene(&content, o.scene, o.quiet)) return EXIT_FAILURE;
     ok = (content.geometry.triangle_count || fail("%s: there are no triangles", o.scene)) && bake(&o, &content);
     scene_free(&content);
     return ok ? EXIT_SUCCESS : EXIT_FAILURE;

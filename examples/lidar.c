@@ -26,19 +26,15 @@ static const char *const frame_names[FRAMES] = { "sensor", "world" };
 enum { PLY, CSV, XYZ, FORMATS };
 static const char *const format_names[FORMATS] = { ".ply", ".csv", ".xyz" };
 
-typedef struct { bool given; rt_vec3 value; } place;        /* else it is where the scene, or another place, says */
-
 struct options {
     const char *scene, *mover, *output;
-    place from, to, forward, up, mover_from, mover_to;
+    xyz from, to, forward, up, mover_from, mover_to;
     int channels, steps, sweeps, threads, seed, frame, format;
     float elevation[2], range[2], rate, noise;
     rt_structure structure;
     const rt_algorithm_info *algorithm;
     bool quiet, help;
 };
-
-static bool read_place(const char *text, place *out) { return out->given = read_vec3(text, &out->value); }
 
 static bool read_pair(const char *text, float pair[2])
 {
@@ -60,10 +56,10 @@ static bool set_elevation(options *o, const char *text)
 }
 
 static bool set_frame(options *o, const char *text) { return (o->frame = find_name(text, frame_names, FRAMES)) < FRAMES; }
-static bool set_from(options *o, const char *text) { return read_place(text, &o->from); }
-static bool set_to(options *o, const char *text) { return read_place(text, &o->to); }
-static bool set_forward(options *o, const char *text) { return read_place(text, &o->forward); }
-static bool set_up(options *o, const char *text) { return read_place(text, &o->up); }
+static bool set_from(options *o, const char *text) { return read_xyz(text, &o->from); }
+static bool set_to(options *o, const char *text) { return read_xyz(text, &o->to); }
+static bool set_forward(options *o, const char *text) { return read_xyz(text, &o->forward); }
+static bool set_up(options *o, const char *text) { return read_xyz(text, &o->up); }
 static bool set_channels(options *o, const char *text) { return read_int(text, '\0', 1, 1024, &o->channels, NULL); }
 static bool set_steps(options *o, const char *text) { return read_int(text, '\0', 1, 65536, &o->steps, NULL); }
 static bool set_sweeps(options *o, const char *text) { return read_int(text, '\0', 1, 10000, &o->sweeps, NULL); }
@@ -72,8 +68,8 @@ static bool set_range(options *o, const char *text) { return read_pair(text, o->
 static bool set_noise(options *o, const char *text) { return read_float(text, '\0', &o->noise, NULL) && o->noise >= 0; }
 static bool set_seed(options *o, const char *text) { return read_int(text, '\0', 0, 2147483647, &o->seed, NULL); }
 static bool set_mover(options *o, const char *text) { o->mover = text; return text[0] != '\0'; }
-static bool set_mover_from(options *o, const char *text) { return read_place(text, &o->mover_from); }
-static bool set_mover_to(options *o, const char *text) { return read_place(text, &o->mover_to); }
+static bool set_mover_from(options *o, const char *text) { return read_xyz(text, &o->mover_from); }
+static bool set_mover_to(options *o, const char *text) { return read_xyz(text, &o->mover_to); }
 static bool set_structure(options *o, const char *text) { return read_structure(text, &o->structure); }
 static bool set_algorithm(options *o, const char *text) { return read_algorithm(text, &o->algorithm); }
 static bool set_threads(options *o, const char *text) { return read_int(text, '\0', 1, 1024, &o->threads, NULL); }
@@ -134,10 +130,10 @@ static void print_help(void)
          "intensity  c cos(a) / range^2: c the mean of the surface's Kd, a the angle of incidence; noise and textures do not change it\n"
          "time       in seconds; ring: the beam; prim: the triangle, or the number of triangles + the sphere, from 0, of the scene or,\n"
          "           where mover is 1, of what moves\n\n"
-         "A pulse is a line without width; it ends at the first surface, whatever that is made of, and has at most one return. Without noise a\n"
-         "range is off by at most some 1e-6 of itself and of the coordinates. Noise is Gaussian, cut off at 5.8 SIGMA, and moves a point along\n"
-         "its beam; what it moves out of MIN to MAX is lost. The file is the same for any number of threads, any structure and algorithm.\n"
-         "PLY is binary, in the byte order of this machine; CSV has the same columns; XYZ has x y z alone.");
+         "A pulse is a line without width; it ends at the first surface, whatever that is made of, and has at most one return. Directions are off\n"
+         "by 1e-7 radians, and without noise ranges by some 1e-6 of themselves and of the coordinates, more only where a beam grazes a surface.\n"
+         "Noise is Gaussian, cut off at 5.8 SIGMA, and moves a point along its beam; what it moves out of MIN to MAX is lost. The file is the\n"
+         "same for any number of threads, any structure and algorithm.\n\nPLY is binary, in the byte order of this machine; CSV has the same columns; XYZ has x y z alone.");
 }
 
 /* ---- >>scanner ------------------------------------------------------------------------------------------------------ */
@@ -212,20 +208,20 @@ static bool mount(scanner *s)
     return true;
 }
 
-static void circle(double degrees, double point[2])
+static void circle(double degrees, double out[2])
 {
-    point[0] = cos(degrees * (3.14159265358979324 / 180));
-    point[1] = sin(degrees * (3.14159265358979324 / 180));
+    out[0] = cos(degrees * (3.14159265358979324 / 180));
+    out[1] = sin(degrees * (3.14159265358979324 / 180));
 }
 
 /* The cosine and sine of a step's azimuth, and of a channel's elevation. */
-static void turn(const options *o, size_t column, double point[2]) { circle(360 * (double)(column % (size_t)o->steps) / o->steps, point); }
+static void turn(const options *o, size_t column, double out[2]) { circle(360 * (double)(column % (size_t)o->steps) / o->steps, out); }
 
-static void tilt(const options *o, size_t channel, double point[2])
+static void tilt(const options *o, size_t channel, double out[2])
 {
     const double low = (double)o->elevation[0], part = o->channels > 1 ? (double)channel / (o->channels - 1) : 0.5;
 
-    circle(low + ((double)o->elevation[1] - low) * part, point);
+    circle(low + ((double)o->elevation[1] - low) * part, out);
 }
 
 static rt_ray aim(const scanner *s, size_t column, const double azimuth[2], const double elevation[2])
@@ -285,7 +281,7 @@ static void receive(const scanner *s, size_t column, size_t channel, const rt_ra
     const int mover = hit->inst != RT_NONE;
     const double moved = mover ? (double)column / (double)s->columns : 0;
     const rt_material *material = &s->parts[mover]->materials[s->parts[mover]->material_ids[hit->prim]];
-    double org[3], dir[3], at[3], normal[3], point[3], length, range, measured, cosine;
+    double org[3], dir[3], at[3], normal[3], to[3], length, range, measured, cosine;
     int i;
 
     set(org, ray->org);
@@ -296,11 +292,11 @@ static void receive(const scanner *s, size_t column, size_t channel, const rt_ra
     if (!(measured > (double)o->range[0] && measured < (double)o->range[1])) return;
     for (i = 0; i < 3; i++) {
         at[i] = org[i] + (double)hit->t * dir[i] - (mover ? s->path[1][0][i] + s->path[1][1][i] * moved : 0);
-        point[i] = o->frame == WORLD ? org[i] + measured / length * dir[i] : measured / length * dot(s->axes[i], dir);
+        to[i] = o->frame == WORLD ? org[i] + measured / length * dir[i] : measured / length * dot(s->axes[i], dir);
     }
     normal_at(s->parts[mover], hit->prim, at, normal);
     cosine = fabs(dot(normal, dir)) / (sqrt(dot(normal, normal)) * length);
-    out->x = (float)point[0], out->y = (float)point[1], out->z = (float)point[2];
+    out->x = (float)to[0], out->y = (float)to[1], out->z = (float)to[2];
     out->range = (float)measured;
     out->intensity = (float)(((double)material->diffuse.x + (double)material->diffuse.y + (double)material->diffuse.z) / 3 * cosine / (range * range));
     out->time = (float)((double)column / ((double)o->steps * (double)o->rate));
@@ -370,18 +366,6 @@ static bool write_echoes(const options *o, const echo *echoes, size_t count)
 }
 
 /* ---- >>main --------------------------------------------------------------------------------------------------------- */
-
-static void print_warning(void *user, const char *text)
-{
-    if (!((const options *)user)->quiet) fprintf(stderr, "lidar: %s\n", text);
-}
-
-static bool load(const options *o, const char *name, scene *out)
-{
-    scene_error error;
-
-    return scene_load(out, name, print_warning, (void *)o, &error) || fail("%s", error.message);
-}
 
 static bool build(scanner *s, int which, const char *name, const rt_geometry *geometry, pool *threads)
 {
@@ -486,8 +470,8 @@ int main(int argc, char **argv)
     s.parts[0] = &content;
     s.parts[1] = &mover;
     s.columns = (size_t)o.steps * (size_t)o.sweeps;
-    ok = check_output(o.output, o.scene) && (!o.mover || check_output(o.output, o.mover)) && load(&o, o.scene, &content) &&
-         (!o.mover || load(&o, o.mover, &mover)) && mount(&s) && scan(&s);
+    ok = check_output(o.output, o.scene) && (!o.mover || check_output(o.output, o.mover)) && load_scene(&content, o.scene, o.quiet) &&
+         (!o.mover || load_scene(&mover, o.mover, o.quiet)) && mount(&s) && scan(&s);
     scene_free(&mover);
     scene_free(&content);
     if (fflush(stdout) != 0) ok = fail("standard output: %s", strerror(errno));

@@ -1,5 +1,5 @@
-/* options.h - the command lines of the programs: a table of options, read and printed.    SPDX-License-Identifier: MIT OR Unlicense
-   Include ../rt.h first. Before the include a program names itself, static const char program[] = "bake"; after it, it defines struct
+/* options.h - the command lines of the programs: a table of options, read and printed; the scene.    SPDX-License-Identifier: MIT OR Unlicense
+   Include ../rt.h and scene.h first. Before the include a program names itself, static const char program[] = "bake"; after it, it defines struct
    options. */
 
 #ifndef OPTIONS_H
@@ -80,10 +80,14 @@ OPTIONS_API bool read_float(const char *text, char end, float *value, const char
     return true;
 }
 
+typedef struct { bool given; rt_vec3 value; } xyz;
+
 /* X,Y,Z */
-OPTIONS_API bool read_vec3(const char *text, rt_vec3 *value)
+OPTIONS_API bool read_xyz(const char *text, xyz *out)
 {
-    return read_float(text, ',', &value->x, &text) && read_float(text, ',', &value->y, &text) && read_float(text, '\0', &value->z, NULL);
+    out->given = true;
+    return read_float(text, ',', &out->value.x, &text) && read_float(text, ',', &out->value.y, &text) &&
+           read_float(text, '\0', &out->value.z, NULL);
 }
 
 /* Of the library's lists: an array of the names, and all of them as one text. */
@@ -153,6 +157,23 @@ OPTIONS_API void print_options(const option *table, size_t count)
         snprintf(left, sizeof left, "%s %s", table[i].name, table[i].value ? table[i].value : "");
         printf("  %-18s %s\n", left, table[i].help);
     }
+}
+
+/* Loads it, and says what is wrong; unless quiet, also what can be done without. */
+OPTIONS_API bool load_scene(scene *out, const char *name, bool quiet)
+{
+    scene_error error = {0};
+
+    if (!scene_load(out, name, NULL, NULL, &error)) {
+        if (error.errors > 1) return fail("%s (and %zu more)", error.message, error.errors - 1);
+        return fail("%s", error.message);
+    }
+    if (out->warnings && !quiet) {
+        fprintf(stderr, "%s: warning: %s", program, out->warning);
+        if (out->warnings > 1) fprintf(stderr, " (and %zu more)", out->warnings - 1);
+        fputc('\n', stderr);
+    }
+    return true;
 }
 
 #endif /* OPTIONS_H */

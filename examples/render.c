@@ -37,8 +37,6 @@ static const char *reason(rt_status status, const rt_error *error) { return erro
 
 /* ---- >>options ------------------------------------------------------------------------------------------------------ */
 
-typedef struct { bool given; rt_vec3 value; } point;
-
 struct options {
     const char *scene_name, *output;
     int width, height, spp, depth, threads; /* spp 0: see --help; threads 0: all processors */
@@ -49,7 +47,7 @@ struct options {
     rt_cull cull;
     bool raster;                            /* rasterise eye rays */
     bool shiny;                             /* materials of .mtl files as if their illum asked for all secondary rays */
-    point eye, look, up, light;
+    xyz eye, look, up, light;
     float fov;                              /* 0: the scene's */
     rt_lens lens;
     rt_sampler_kind sampler;
@@ -76,22 +74,16 @@ static const char *const sampler_names[] = { RT_SAMPLER_LIST(NAME_OF) };
 static const char *const filter_names[] = { RT_FILTER_LIST(NAME_OF) };
 static const char *const bounds_names[] = { RT_BOUNDS_LIST(NAME_OF) };
 
-static bool read_point(const char *text, point *out)
-{
-    out->given = true;
-    return read_vec3(text, &out->value);
-}
-
 static bool set_output(options *o, const char *text)  { o->output = text; return text[0] != '\0'; }
 static bool set_spp(options *o, const char *text)     { return read_int(text, '\0', 1, MAX_SPP, &o->spp, NULL); }
 static bool set_depth(options *o, const char *text)   { return read_int(text, '\0', 0, RT_MAX_DEPTH, &o->depth, NULL); }
 static bool set_packet(options *o, const char *text)  { return read_int(text, '\0', 0, INT_MAX, &o->packet, NULL); }
 static bool set_stack(options *o, const char *text)   { return read_int(text, '\0', 1, RT_MAX_SHORT_STACK, &o->short_stack, NULL); }
 static bool set_threads(options *o, const char *text) { return read_int(text, '\0', 1, MAX_THREADS, &o->threads, NULL); }
-static bool set_eye(options *o, const char *text)     { return read_point(text, &o->eye); }
-static bool set_look(options *o, const char *text)    { return read_point(text, &o->look); }
-static bool set_up(options *o, const char *text)      { return read_point(text, &o->up); }
-static bool set_light(options *o, const char *text)   { return read_point(text, &o->light); }
+static bool set_eye(options *o, const char *text)     { return read_xyz(text, &o->eye); }
+static bool set_look(options *o, const char *text)    { return read_xyz(text, &o->look); }
+static bool set_up(options *o, const char *text)      { return read_xyz(text, &o->up); }
+static bool set_light(options *o, const char *text)   { return read_xyz(text, &o->light); }
 static bool set_structure(options *o, const char *text) { return read_structure(text, &o->structure); }
 static bool set_algorithm(options *o, const char *text) { return read_algorithm(text, &o->algorithm); }
 static bool set_branching(options *o, const char *text) { return read_int(text, '\0', 2, RT_MAX_BRANCHING, &o->branching, NULL); }
@@ -691,26 +683,6 @@ static void print_summary(const options *o, const scene *loaded, const rt_info *
 
 /* ---- >>main --------------------------------------------------------------------------------------------------------- */
 
-static bool load(const options *o, const progress *bar, scene *out)
-{
-    scene_error error = {0};
-    bool loaded;
-
-    progress_line(bar, "loading ...");
-    loaded = scene_load(out, o->scene_name, NULL, NULL, &error);
-    progress_line(bar, "");
-    if (!loaded) {
-        if (error.errors > 1) return fail("%s (and %zu more)", error.message, error.errors - 1);
-        return fail("%s", error.message);
-    }
-    if (out->warnings && !o->quiet) {
-        fprintf(stderr, "render: warning: %s", out->warning);
-        if (out->warnings > 1) fprintf(stderr, " (and %zu more)", out->warnings - 1);
-        fputc('\n', stderr);
-    }
-    return true;
-}
-
 /* All from the options to the written picture. */
 static bool render(options *o)
 {
@@ -732,7 +704,7 @@ static bool render(options *o)
     rt_status status;
     int threads;
     double start, load_seconds, build_seconds, sort_seconds, device_seconds, render_seconds;
-    bool done = false;
+    bool ready, done = false;
 
     if (!check_tracing(o, &f.how.trace) || !check_output(o->output, o->scene_name)) return false;
     if (o->report && strcmp(o->report, o->output) == 0) return fail("%s: is the picture; choose another --report", o->report);
@@ -740,7 +712,10 @@ static bool render(options *o)
     bar.shown = !o->quiet && isatty(STDERR_FILENO);
     bar.next = 0.1;
     start = seconds_now();
-    if (!load(o, &bar, &loaded)) goto cleanup;
+    progress_line(&bar, "loading ...");
+    ready = load_scene(&loaded, o->scene_name, o->quiet);
+    progress_line(&bar, "");
+    if (!ready) goto cleanup;
     load_seconds = seconds_now() - start;
 
     pixels = calloc((size_t)o->width * (size_t)o->height, sizeof *pixels);
