@@ -28,7 +28,7 @@ opencl = $(call get,ls /etc/OpenCL/vendors/*.icd,OpenCL,pocl-opencl-icd ocl-icd-
 export POCL_CACHE_DIR ?= $(CURDIR)/build/pocl
 
 # the longest to compile first, so that no processor is idle at the end
-all: $(B)/rt_test $(B)/accuracy $(B)/bench $(B)/animate $(B)/render $(B)/bake $(B)/hello $(B)/gpu_hello
+all: $(B)/rt_test $(B)/accuracy $(B)/bench $(B)/animate $(B)/render $(B)/bake $(B)/lidar $(B)/hello $(B)/gpu_hello
 
 COMPILE = $(CC) -std=c99 $(WARN) $(FLAGS_$(config)) $(CFLAGS) -I. -MMD -MP -MF $@.d -o $@ $<
 $(B)/%: examples/%.c | $(B)
@@ -45,7 +45,7 @@ $(B) out:
 	@mkdir -p $@
 -include $(wildcard $(B)/*.d)
 
-demo: $(B)/render $(B)/animate $(B)/bake $(B)/hello | out
+demo: $(B)/render $(B)/animate $(B)/bake $(B)/lidar $(B)/hello | out
 	$(B)/hello
 	$(B)/render cornell         -o out/cornell.ppm --size 720x720  --spp 16
 	$(B)/render balls:5         -o out/balls.ppm   --size 960x720  --spp 9
@@ -61,6 +61,7 @@ demo: $(B)/render $(B)/animate $(B)/bake $(B)/hello | out
 	$(B)/animate -o out/animate --frames 6 --fps 6
 	$(B)/bake examples/imp.obj -o out/imp.obj --two-sided
 	$(B)/render out/imp.obj -o out/baked.ppm --size 720x720 --spp 16
+	$(B)/lidar hall:20000 -o out/lidar.ply --from 0,1.8,-3 --to 0,1.8,-5 --channels 64
 
 driver:
 	$(opencl)

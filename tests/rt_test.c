@@ -9617,6 +9617,12 @@ static void rtt_test_bake(void)
             loader_unload();
         }
     }
+    loader_write("broken.obj", "v 1 2 3\nf 1 2 3\nv x\n");       /* told once, and how many more */
+    snprintf(command, sizeof command, "-o '%s9.ply' '%s'", base, loader_path("broken.obj"));
+    CHECK(rtt_run_program("bake", command, said, sizeof said) != 0 && strstr(said, "(and 1 more)\n") && strchr(said, '\n')[1] == '\0');
+    loader_write("poor.obj", "mtllib no.mtl\nv 1 2 3\nv 2 2 3\nv 2 1 3\nf 1 2 3\n");
+    snprintf(command, sizeof command, "-o '%s9.ply' '%s' --rays 1", base, loader_path("poor.obj"));
+    CHECK(rtt_run_program("bake", command, said, sizeof said) == 0 && strstr(said, "bake: warning: ") && strstr(said, "no.mtl"));
     for (int threads = 1; threads < 4; threads += 2) {
         snprintf(command, sizeof command, "-o '%s%d.ply' rings:1 --rays 32 --threads %d --seed 3", base, threads, threads);
         CHECK(rtt_run_program("bake", command, said, sizeof said) == 0 && strstr(said, "Mrays/s"));
@@ -9638,6 +9644,247 @@ static void rtt_test_bake(void)
                 printf("    vertex %d: %g, not %g\n", k, (double)loader.s.colors[k].x, sky[k] / weight[k]);
         loader_unload();
     }
+    loader_clear();
+}
+
+/* A lidar in a room, x -4 to 6, y 0 to 3, z -5 to 2, of which it is known what it is to measure; ball: of radius 0.5, the centre of what moves. */
+typedef struct {
+    const char *arguments;
+    int channels, steps, sweeps;
+    double low, high, rate, gate[2], from[3], way[3], axes[3][3];
+    bool world, moves;
+    double ball[3], roll[3];
+} rtt_lidar;
+
+typedef struct { double range, cosine, albedo; int face; bool doubtful; } rtt_pulse;      /* range 0: no return; face 6: the ball */
+
+static rtt_pulse rtt_lidar_pulse(const rtt_lidar *l, const double org[3], const double dir[3], double part)
+{
+    static const double room[2][3] = { { -4, 0, -5 }, { 6, 3, 2 } };
+    rtt_pulse p = { 1e30, 0, 0, 0, false };
+    double b = 0, c = -0.25, sign;
+
+    for (int face = 0; face < 6; face++) {                  /* y 0 3, x -4 6, z -5 2 */
+        const int axis = face < 2 ? 1 : face < 4 ? 0 : 2;
+        const double t = (room[face % 2][axis] - org[axis]) / dir[axis];
+
+        if (t > 0 && t < p.range)
+            p.range = t, p.face = face, p.cosine = fabs(dir[axis]);
+    }
+    p.albedo = 0.5;
+    for (int i = 0; i < 3; i++) {
+        const double to = l->ball[i] + l->roll[i] * part - org[i];
+
+        b += to * dir[i], c += to * to;
+    }
+    if (l->moves) {
+        p.doubtful = fabs(b * b - c) < 1e-3;
+        for (sign = -1; sign <= 1; sign += 2) {
+            const double t = b * b > c ? b + sign * sqrt(b * b - c) : 0;
+
+            p.doubtful |= fabs(t - l->gate[0]) < 1e-4;
+            if (t > l->gate[0] && t < p.range)
+                p.range = t, p.face = 6, p.cosine = sqrt(b * b - c) / 0.5, p.albedo = 1;
+        }
+    }
+    p.doubtful |= fabs(p.range - l->gate[0]) < 1e-4 || fabs(p.range - l->gate[1]) < 1e-4;
+    if (p.range < l->gate[0] || p.range > l->gate[1])
+        p.range = 0;
+    return p;
+}
+
+/* Compares every pulse with a CSV file. How many return from what moves; -1: they differ. */
+static int rtt_lidar_check(const rtt_lidar *l, const char *path)
+{
+    const double degree = 3.14159265358979324 / 180, columns = (double)l->steps * l->sweeps;
+    FILE *file = fopen(path, "r");
+    char line[512] = "";
+    int seen = 0;
+    bool good = file && fgets(line, sizeof line, file) && strcmp(line, "x,y,z,range,intensity,time,prim,ring,mover\n") == 0, more;
+
+    more = good && fgets(line, sizeof line, file);
+    for (int i = 0; good && i < l->steps * l->sweeps * l->channels; i++) {
+        const int column = i / l->channels, ring = i % l->channels;
+        const double turn = 360.0 * (column % l->steps) / l->steps * degree, part = column / columns, time = column / (l->steps * l->rate);
+        const double tilt = (l->channels > 1 ? l->low + (l->high - l->low) * ring / (l->channels - 1) : (l->low + l->high) / 2) * degree;
+        double local[3] = { cos(tilt) * cos(turn), cos(tilt) * sin(turn), sin(tilt) }, org[3], dir[3], row[9], worst = 0;
+        rtt_pulse p;
+
+        for (int k = 0; k < 3; k++) {
+            org[k] = l->from[k] + l->way[k] * part;
+            dir[k] = local[0] * l->axes[0][k] + local[1] * l->axes[1][k] + local[2] * l->axes[2][k];
+        }
+        p = rtt_lidar_pulse(l, org, dir, part);
+        if (more && sscanf(line, "%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf", row, row + 1, row + 2, row + 3, row + 4, row + 5, row + 6, row + 7, row + 8) != 9)
+            good = false;
+        if (!more || row[7] != ring || fabs(row[5] - time) > 1e-6) {
+            good &= p.doubtful || p.range == 0;
+            if (!good)
+                printf("    step %d, ring %d: no return, but one from %g\n", column, ring, p.range);
+            continue;
+        }
+        more = fgets(line, sizeof line, file) != NULL;
+        if (p.doubtful)
+            continue;
+        for (int k = 0; k < 3; k++)
+            worst = fmax(worst, fabs(row[k] - (l->world ? org[k] + p.range * dir[k] : p.range * local[k])));
+        good &= worst < 5e-6 && fabs(row[3] - p.range) < 5e-6 && row[8] == (p.face == 6) && (p.face == 6 ? row[6] == 0 : (int)row[6] / 2 == p.face);
+        good &= fabs(row[4] - p.albedo * p.cosine / (p.range * p.range)) < 1e-4 * row[4];
+        if (!good)
+            printf("    step %d, ring %d: range %.9g intensity %.9g prim %g, not %.9g %.9g of face %d\n", column, ring, row[3], row[4], row[6], p.range,
+                   p.albedo * p.cosine / (p.range * p.range), p.face);
+        seen += p.face == 6;
+    }
+    if (file)
+        fclose(file);
+    return good && !more ? seen : -1;
+}
+
+/* The three formats hold the same points. */
+static void rtt_lidar_formats(const char *room, const char *base)
+{
+    static const char *const endings[] = { "csv", "ply", "xyz" };
+    char said[4096], command[2048], line[512];
+    const char *end;
+    FILE *files[3];
+    size_t count = 0, told = 0;
+
+    for (int i = 0; i < 3; i++) {
+        snprintf(command, sizeof command, "'%s' -o '%s.%s' --from 1,1,1 --range 2,4 --threads 3", room, base, endings[i]);
+        CHECK(rtt_run_program("lidar", command, said, sizeof said) == 0 && strstr(said, "32768 pulses") && strstr(said, "Mpulses/s"));
+        snprintf(command, sizeof command, "%s.%s", base, endings[i]);
+        files[i] = fopen(command, "rb");
+    }
+    if (CHECK(files[0] && files[1] && files[2])) {
+        bool good = fgets(line, sizeof line, files[0]) != NULL;
+
+        while (fgets(line, sizeof line, files[1]) && strcmp(line, "end_header\n") != 0)
+            if (strncmp(line, "element vertex ", 15) == 0)
+                told = strtoul(line + 15, NULL, 10);
+        while (good && fgets(line, sizeof line, files[0])) {
+            struct { float f[6]; uint32_t prim; uint16_t ring, mover; } ply;
+            float xyz[3];
+
+            good &= fread(&ply, 32, 1, files[1]) == 1 && fscanf(files[2], "%f %f %f", &xyz[0], &xyz[1], &xyz[2]) == 3;
+            end = line;
+            for (int k = 0; good && k < 6; k++, end++) {
+                char *stop;
+                const float value = strtof(end, &stop);
+
+                good &= stop != end && value == ply.f[k] && (k > 2 || value == xyz[k]);
+                end = stop;
+            }
+            good &= ply.f[3] > 2 && ply.f[3] < 4 && strtoul(end, NULL, 10) == ply.prim;
+            count++;
+        }
+        CHECK(good && count > 1000 && count < 32768 && count == told && fgetc(files[1]) == EOF);
+    }
+    for (int i = 0; i < 3; i++)
+        if (files[i])
+            fclose(files[i]);
+    snprintf(command, sizeof command, "'%s' -o '%s.ply' --from 1,1,1 --range 50,60", room, base);      /* nothing there: no point, but a file */
+    CHECK(rtt_run_program("lidar", command, said, sizeof said) == 0 && strstr(said, " 0 returns"));
+}
+
+/* Noise along the beams: its mean and deviation, other noise by seed alone. */
+static void rtt_lidar_noise(const char *room, const char *base)
+{
+    static const char *const ways[] = { "", "--noise 0.02 --seed 7 --threads 1", "--noise 0.02 --seed 7 --threads 3", "--noise 0.02 --seed 8" };
+    char said[4096], command[2048], line[2][512];
+    double sum = 0, squares = 0, across = 0;
+    size_t count = 0;
+    FILE *files[2];
+
+    for (int i = 0; i < 4; i++) {
+        snprintf(command, sizeof command, "'%s' -o '%s%d.csv' --from 1,1,1 --sweeps 2 --quiet %s", room, base, i, ways[i]);
+        CHECK(rtt_run_program("lidar", command, said, sizeof said) == 0);
+    }
+    CHECK(rtt_same_files("l1.csv", "l2.csv") && !rtt_same_files("l1.csv", "l3.csv"));
+    files[0] = fopen(loader_path("l0.csv"), "r");
+    files[1] = fopen(loader_path("l1.csv"), "r");
+    while (files[0] && files[1] && fgets(line[0], sizeof line[0], files[0]) && fgets(line[1], sizeof line[1], files[1])) {
+        double p[2][4], difference;
+
+        if (line[0][0] == 'x')
+            continue;
+        for (int i = 0; i < 2; i++)
+            CHECK(sscanf(line[i], "%lf,%lf,%lf,%lf", &p[i][0], &p[i][1], &p[i][2], &p[i][3]) == 4);
+        difference = p[1][3] - p[0][3];
+        sum += difference, squares += difference * difference, count++;
+        for (int k = 0; k < 3; k++)
+            across = fmax(across, fabs(p[1][k] / p[1][3] - p[0][k] / p[0][3]));
+    }
+    CHECK(count == 2 * 32768 && fabs(sum / (double)count) < 4 * 0.02 / 256 && fabs(sqrt(squares / (double)count) / 0.02 - 1) < 0.012 && across < 1e-6);
+    for (int i = 0; i < 2; i++)
+        if (files[i])
+            fclose(files[i]);
+}
+
+static void rtt_test_lidar(void)
+{
+    static const char *const bad[][2] = {
+        { "cornell --channels 0", "--channels" }, { "cornell --channels 1025", "1 to 1024" }, { "cornell --steps 65537", "--steps" }, { "cornell --range 2,2", "--range" },
+        { "cornell --range -1,2", "--range" }, { "cornell --range nan,2", "--range" }, { "cornell --elevation 10,-10", "--elevation" }, { "cornell --elevation 0,91", "--elevation" },
+        { "cornell --noise -1", "--noise" }, { "cornell --rate 0", "--rate" }, { "cornell --from 1,2", "--from" }, { "cornell --to 1,2,inf", "--to" },
+        { "cornell --frame body", "sensor world" }, { "cornell --up 0,0,0", "--up" }, { "cornell --forward 0,0,0", "--forward" }, { "cornell --forward 0,-3,0", "--forward" },
+        { "cornell --channels 1000 --steps 60000 --sweeps 2", "too many pulses" }, { "cornell --mover-to 1,2,3", "--mover" }, { "cornell --mover no/such.obj", "no/such.obj" },
+        { "cornell --structure kdtree --algorithm bvh.stack", "kdtree" }, { "cornell --algorithm best", "--algorithm" }, { "cornell -o x.png", ".ply, .csv or .xyz" },
+        { "cornell --bogus", "unknown option" }, { "cornell --seed", "needs a value" }, { "--quiet", "no scene" }, { "cornell sphere:100", "two scenes" },
+        { "no/such.nff", "no/such.nff" }, { "cornell -o no/such/folder/x.ply", "no/such/folder/x.ply" }, { "cornell --mover l.csv -o l.csv", "is the scene" },
+        { "cornell --mover cornell --mover-from 1e18,0,0", "RT_MAX_COORDINATE" },
+    };
+    static const rtt_lidar runs[] = {
+        { "--channels 24 --steps 90 --sweeps 2 --elevation -40,60 --rate 20 --range 0.8,5 --from 0,1,-1 --to 2,1.5,-2 --mover-from -2,1,-2 --mover-to 3,1.5,0.5",
+          24, 90, 2, -40, 60, 20, { 0.8, 5 }, { 0, 1, -1 }, { 2, 0.5, -1 },
+          { { 0.89442719099991588, 0, -0.44721359549995794 }, { -0.44721359549995794, 0, -0.89442719099991588 }, { 0, 1, 0 } }, false, true,
+          { -1.5, 1, -1.75 }, { 5, 0.5, 2.5 } },
+        { "--channels 1 --steps 700 --elevation -20,40 --frame world --up 1,1,0 --forward 1,1,-2 --from 1,1,1 --range 0,100",
+          1, 700, 1, -20, 40, 10, { 0, 100 }, { 1, 1, 1 }, { 0, 0, 0 },
+          { { 0, 0, -1 }, { -0.70710678118654752, 0.70710678118654752, 0 }, { 0.70710678118654752, 0.70710678118654752, 0 } }, true, false,
+          { 0, 0, 0 }, { 0, 0, 0 } },
+        { "--channels 2 --steps 5 --sweeps 3 --elevation 0,20 --frame world --from 1,1,1 --to 1,1,-3 --range 0,100 --noise 0 --mover-from 0.5,1,-0.25 --mover-to 0.5,1,-4.25",
+          2, 5, 3, 0, 20, 10, { 0, 100 }, { 1, 1, 1 }, { 0, 0, -4 }, { { 0, 0, -1 }, { -1, 0, 0 }, { 0, 1, 0 } }, true, true,
+          { 1, 1, 0 }, { 0, 0, -4 } },
+    };
+    static const char *const ways[] = { "--threads 3", "--threads 2 --structure threaded", "--structure kdtree", "--algorithm bvh.wide", "--algorithm kd.restart" };
+    char said[4096], command[2048], base[512], room[512], ball[512];
+
+    if (access("build/lidar", X_OK) != 0)
+        return;                             /* of another configuration: not built there */
+    snprintf(base, sizeof base, "%s", loader_path("l"));
+    for (size_t i = 0; i < RTT_COUNT(bad); i++) {
+        snprintf(command, sizeof command, "-o '%s.csv' --steps 8 %s", base, bad[i][0]);
+        CHECK(rtt_run_program("lidar", command, said, sizeof said) != 0);
+        if (!strstr(said, bad[i][1]))
+            rtt_fail("lidar %s: %s", bad[i][0], said);
+        CHECK(access(loader_path("l.csv"), F_OK) != 0);
+    }
+
+    /* each pulse against what it is to measure: distances, gate, motion, intensity */
+    loader_write("room.mtl", "newmtl wall\nKd 0.2 0.5 0.8\n");
+    loader_write("room.obj", "mtllib room.mtl\nv -4 0 -5\nv 6 0 -5\nv -4 3 -5\nv 6 3 -5\nv -4 0 2\nv 6 0 2\nv -4 3 2\nv 6 3 2\nusemtl wall\n"
+                             "f 1 2 6 5\nf 3 4 8 7\nf 1 3 7 5\nf 2 4 8 6\nf 1 2 4 3\nf 5 6 8 7\n");
+    loader_write("ball.nff", "f 1 1 1 1 0 0 0 1\ns 0.5 0 0.25 0.5\n");
+    snprintf(room, sizeof room, "%s", loader_path("room.obj"));
+    snprintf(ball, sizeof ball, "%s", loader_path("ball.nff"));
+    for (size_t i = 0; i < RTT_COUNT(runs); i++) {
+        const char *mover = runs[i].moves ? " --mover " : "", *moved = runs[i].moves ? ball : "";
+        int seen;
+
+        snprintf(command, sizeof command, "'%s' -o '%s.csv' --quiet --threads 1 %s%s%s", room, base, runs[i].arguments, mover, moved);
+        CHECK(rtt_run_program("lidar", command, said, sizeof said) == 0 && said[0] == '\0');
+        seen = rtt_lidar_check(&runs[i], loader_path("l.csv"));
+        if (seen < 0 || (seen > 0) != runs[i].moves)
+            rtt_fail("lidar %s: %d returns from what moves", runs[i].arguments, seen);
+        for (size_t k = 0; k < RTT_COUNT(ways); k++) {
+            snprintf(command, sizeof command, "'%s' -o '%sb.csv' --quiet %s %s%s%s", room, base, ways[k], runs[i].arguments, mover, moved);
+            CHECK(rtt_run_program("lidar", command, said, sizeof said) == 0);
+            if (!rtt_same_files("l.csv", "lb.csv"))
+                rtt_fail("lidar %s %s: other points", runs[i].arguments, ways[k]);
+        }
+    }
+    rtt_lidar_formats(room, base);
+    rtt_lidar_noise(room, base);
     loader_clear();
 }
 
@@ -10966,6 +11213,7 @@ static const rtt_test rtt_tests[] = {
     { "programs.animate", rtt_test_animate },
     { "programs.report", rtt_test_report },
     { "programs.bake", rtt_test_bake },
+    { "programs.lidar", rtt_test_lidar },
     { "spawn", rtt_test_spawn },
     { "refine.estimate", rtt_test_refine_estimate },
     { "refine.bias", rtt_test_refine_bias },
