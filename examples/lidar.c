@@ -82,13 +82,15 @@ static const option option_table[] = {
     { "--from",       "X,Y,Z",   set_from,       "where the platform is when the run begins (default: the scene's eye)", "three numbers: X,Y,Z" },
     { "--to",         "X,Y,Z",   set_to,         "where it is when the run ends (default: it stands still)", "three numbers: X,Y,Z" },
     { "--up",         "X,Y,Z",   set_up,         "the axis that it spins about (default: the scene's up)", "three numbers: X,Y,Z" },
-    { "--forward",    "X,Y,Z",   set_forward,    "azimuth 0, once made level (default: ahead, or standing still where the scene's eye looks)", "three numbers: X,Y,Z" },
+    { "--forward",    "X,Y,Z",   set_forward,    "azimuth 0, once made level (default: ahead, or standing still where the scene's eye looks)",
+      "three numbers: X,Y,Z" },
     { "--channels",   "N",       set_channels,   "beams above each other (default 32)",                  "1 to 1024" },
     { "--elevation",  "LO,HI",   set_elevation,  "degrees of the lowest and the highest one (default -25,15)", "two angles, -90 <= LO <= HI <= 90" },
     { "--steps",      "N",       set_steps,      "pulses of a beam in a turn (default 1024)",            "1 to 65536" },
     { "--sweeps",     "N",       set_sweeps,     "turns in the run (default 1)",                         "1 to 10000" },
     { "--rate",       "HZ",      set_rate,       "turns a second (default 10)",                          "0.001 to 1000" },
-    { "--range",      "MIN,MAX", set_range,      "only what is farther than MIN and nearer than MAX (default 0,1000)", "two numbers, 0 <= MIN < MAX <= 1e18" },
+    { "--range",      "MIN,MAX", set_range,      "only what is farther than MIN and nearer than MAX (default 0,1000)",
+      "two numbers, 0 <= MIN < MAX <= 1e18" },
     { "--noise",      "SIGMA",   set_noise,      "standard deviation of measured ranges (default 0)",    "a number from 0 up" },
     { "--seed",       "N",       set_seed,       "other noise (default 0)",                              "0 to 2147483647" },
     { "--mover",      "SCENE",   set_mover,      "another scene, which moves through the first one",     "a scene" },
@@ -116,8 +118,8 @@ static bool parse_options(options *o, int argc, char **argv)
 
 static void print_help(void)
 {
-    printf("usage: lidar [options] SCENE\n\nScans SCENE with a spinning lidar and writes the points that return. SCENE is an OBJ or NFF file or a procedural "
-           "scene:\n\n%s\noptions:\n", scene_procedural_list());
+    printf("usage: lidar [options] SCENE\n\nScans SCENE with a spinning lidar and writes the points that return. SCENE is an OBJ or NFF file or "
+           "a procedural scene:\n\n%s\noptions:\n", scene_procedural_list());
     print_options(option_table, OPTIONS);
     puts("\nLengths are in the scene's units, metres if it is in metres. The sensor's frame is right-handed: x forward, y left, z up. It turns\n"
          "counterclockwise seen from above, from x to y, and starts at azimuth 0; elevation is above the level plane. Beams are spaced evenly\n"
@@ -133,7 +135,8 @@ static void print_help(void)
          "A pulse is a line without width; it ends at the first surface, whatever that is made of, and has at most one return. Directions are off\n"
          "by 1e-7 radians, and without noise ranges by some 1e-6 of themselves and of the coordinates, more only where a beam grazes a surface.\n"
          "Noise is Gaussian, cut off at 5.8 SIGMA, and moves a point along its beam; what it moves out of MIN to MAX is lost. The file is the\n"
-         "same for any number of threads, any structure and algorithm.\n\nPLY is binary, in the byte order of this machine; CSV has the same columns; XYZ has x y z alone.");
+         "same for any number of threads, any structure and algorithm.\n\n"
+         "PLY is binary, in the byte order of this machine; CSV has the same columns; XYZ has x y z alone.");
 }
 
 /* ---- >>scanner ------------------------------------------------------------------------------------------------------ */
@@ -256,7 +259,8 @@ static void normal_at(const scene *part, uint32_t prim, const double at[3], doub
         subtract(normal, corner[0]);
         return;
     }
-    for (i = 0; i < 9; i++) corner[i / 3][i % 3] = (double)part->vertices[3 * (size_t)g->indices[3 * (size_t)prim + (size_t)i / 3] + (size_t)i % 3];
+    for (i = 0; i < 9; i++)
+        corner[i / 3][i % 3] = (double)part->vertices[3 * (size_t)g->indices[3 * (size_t)prim + (size_t)i / 3] + (size_t)i % 3];
     subtract(corner[1], corner[0]);
     subtract(corner[2], corner[0]);
     cross(corner[1], corner[2], normal);
@@ -281,6 +285,7 @@ static void receive(const scanner *s, size_t column, size_t channel, const rt_ra
     const int mover = hit->inst != RT_NONE;
     const double moved = mover ? (double)column / (double)s->columns : 0;
     const rt_material *material = &s->parts[mover]->materials[s->parts[mover]->material_ids[hit->prim]];
+    const double color = ((double)material->diffuse.x + (double)material->diffuse.y + (double)material->diffuse.z) / 3;
     double org[3], dir[3], at[3], normal[3], to[3], length, range, measured, cosine;
     int i;
 
@@ -298,7 +303,7 @@ static void receive(const scanner *s, size_t column, size_t channel, const rt_ra
     cosine = fabs(dot(normal, dir)) / (sqrt(dot(normal, normal)) * length);
     out->x = (float)to[0], out->y = (float)to[1], out->z = (float)to[2];
     out->range = (float)measured;
-    out->intensity = (float)(((double)material->diffuse.x + (double)material->diffuse.y + (double)material->diffuse.z) / 3 * cosine / (range * range));
+    out->intensity = (float)(color * cosine / (range * range));
     out->time = (float)((double)column / ((double)o->steps * (double)o->rate));
     out->prim = hit->prim;
     out->ring = (uint16_t)channel;
