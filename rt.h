@@ -1989,9 +1989,9 @@ static void rti_set_reach(rt_accel *accel)
             extent *= 2;                    /* stretch * child + |translation| */
             if (in->moves) {
                 const rt_motion *m = &in->motion;
-                const float far[] = { m->move.x, m->move.y, m->move.z, m->pivot.x, m->pivot.y, m->pivot.z };
+                const float moves[] = { m->move.x, m->move.y, m->move.z, m->pivot.x, m->pivot.y, m->pivot.z };
                 for (k = 0; k < 6; k++)
-                    if (extent < fabs((double)far[k])) extent = fabs((double)far[k]);
+                    if (extent < fabs((double)moves[k])) extent = fabs((double)moves[k]);
                 extent *= 8;
                 spread = 4 * (spread + 8 * c);
             }
@@ -4534,13 +4534,13 @@ static uint32_t rti_unfold(rti_threader *t, const rti_node *from, uint32_t at)
     twig->skip = at + 1;
     if (!from->count) {
         const rti_node *a = t->binary + from->index, *b = a + 1;
-        float far = -1;
+        float farthest = -1;
         bool swap = false;
         int k;
         for (k = 0; k < 3; k++) {           /* halves first: the sum of two coordinates stays a float */
             const float d = (0.5f * b->bounds[k] + 0.5f * b->bounds[3 + k]) - (0.5f * a->bounds[k] + 0.5f * a->bounds[3 + k]);
-            if (!(fabsf(d) > far)) continue;
-            far = fabsf(d);
+            if (!(fabsf(d) > farthest)) continue;
+            farthest = fabsf(d);
             twig->axis = k;
             swap = d < 0;
         }
@@ -4581,18 +4581,18 @@ static void rti_reach_leaf(const rt_accel *accel, const rt_geometry *geo, const 
     uint32_t n;
     int i;
     for (n = 0; n < rti_leaf_count(leaf); n++) {
-        double points[8][3], far = 0;
+        double points[8][3], radius = 0;
         rt_sphere ball = { { 0, 0, 0 }, 0 };
         const int count = rti_prim_points(geo, rti_slot_prim(accel, rti_leaf_kind(leaf), leaf->index + n), points, &ball);
         if (!count) {
             points[0][0] = (double)ball.center.x;
             points[0][1] = (double)ball.center.y;
             points[0][2] = (double)ball.center.z;
-            far = (double)ball.radius;
+            radius = (double)ball.radius;
         }
         for (i = 0; i < (count ? count : 1); i++) {
             const double x = points[i][0] - from[0], y = points[i][1] - from[1], z = points[i][2] - from[2];
-            const double reach = sqrt(x * x + y * y + z * z) + far;
+            const double reach = sqrt(x * x + y * y + z * z) + radius;
             if (reach > *most) *most = reach;
         }
     }
@@ -11116,18 +11116,18 @@ RTI_FN unsigned rti_wide_body(const rt_accel *accel, rti_packet *p, int lane, ui
             hit &= hit - 1;
             for (base = top; hit; hit &= hit - 1) {
                 const int next = rti_lowest_bit(hit);
-                int far = next, at = top++;
+                int farther = next, at = top++;
                 RTI_TALLY(job->stats, flags, pushes, 1);
                 if (!(flags & RTI_WALK_ANY)) {
                     if (enter[next] < enter[i]) {
-                        far = i;
+                        farther = i;
                         i = next;
                     }
-                    for (; at > base && stack[at - 1].enter < enter[far]; at--) stack[at] = stack[at - 1];
+                    for (; at > base && stack[at - 1].enter < enter[farther]; at--) stack[at] = stack[at - 1];
                 }
-                stack[at].enter = enter[far];
-                stack[at].index = node->index[far];
-                stack[at].count = node->count[far];
+                stack[at].enter = enter[farther];
+                stack[at].index = node->index[farther];
+                stack[at].count = node->count[farther];
             }
             index = node->index[i];
             count = node->count[i];
@@ -11248,13 +11248,13 @@ RTI_FN rti_interval rti_make_interval(const rti_packet *p, unsigned lanes)
 }
 
 /* Boxes that some ray may meet before t, and where the first enters each; by their planes that are met first and last. */
-RTI_FN unsigned rti_cross_interval(const rti_interval *r, const rti_v near[3], const rti_v far[3], rti_v t, rti_v *enter)
+RTI_FN unsigned rti_cross_interval(const rti_interval *r, const rti_v near_side[3], const rti_v far_side[3], rti_v t, rti_v *enter)
 {
     rti_v first[3], last[3];
     int k;
     RTI_UNROLL
     for (k = 0; k < 3; k++) {
-        const rti_v a = rti_vsub(near[k], r->near_org[k]), b = rti_vsub(far[k], r->far_org[k]);
+        const rti_v a = rti_vsub(near_side[k], r->near_org[k]), b = rti_vsub(far_side[k], r->far_org[k]);
         first[k] = rti_vmin(rti_vmul(a, r->least[k]), rti_vmul(a, r->most[k]));
         last[k] = rti_vmax(rti_vmul(b, r->least[k]), rti_vmul(b, r->most[k]));
     }
@@ -11264,48 +11264,48 @@ RTI_FN unsigned rti_cross_interval(const rti_interval *r, const rti_v near[3], c
 
 /* The planes of boxes that rays of an octant, side, meet first and last: of children i and on of a node; of one of them, in all lanes; of the
    triangles at and on of an octet. */
-RTI_FN void rti_wide_boxes(const rti_wide *node, int i, const int side[3], rti_v near[3], rti_v far[3])
+RTI_FN void rti_wide_boxes(const rti_wide *node, int i, const int side[3], rti_v near_side[3], rti_v far_side[3])
 {
     int k;
     RTI_UNROLL
     for (k = 0; k < 3; k++) {
-        near[k] = rti_vload(node->bounds[3 * side[k] + k] + i);
-        far[k] = rti_vload(node->bounds[3 - 3 * side[k] + k] + i);
+        near_side[k] = rti_vload(node->bounds[3 * side[k] + k] + i);
+        far_side[k] = rti_vload(node->bounds[3 - 3 * side[k] + k] + i);
     }
 }
 
-RTI_FN void rti_wide_box(const rti_wide *node, int child, const int side[3], rti_v near[3], rti_v far[3])
+RTI_FN void rti_wide_box(const rti_wide *node, int child, const int side[3], rti_v near_side[3], rti_v far_side[3])
 {
     int k;
     RTI_UNROLL
     for (k = 0; k < 3; k++) {
-        near[k] = rti_vset(node->bounds[3 * side[k] + k][child]);
-        far[k] = rti_vset(node->bounds[3 - 3 * side[k] + k][child]);
+        near_side[k] = rti_vset(node->bounds[3 * side[k] + k][child]);
+        far_side[k] = rti_vset(node->bounds[3 - 3 * side[k] + k][child]);
     }
 }
 
-RTI_FN void rti_octet_boxes(const rti_octet *octet, uint32_t at, const int side[3], rti_v near[3], rti_v far[3])
+RTI_FN void rti_octet_boxes(const rti_octet *octet, uint32_t at, const int side[3], rti_v near_side[3], rti_v far_side[3])
 {
     int k;
     RTI_UNROLL
     for (k = 0; k < 3; k++) {
         const rti_v a = rti_vload(octet->v[k] + at), b = rti_vload(octet->v[3 + k] + at), c = rti_vload(octet->v[6 + k] + at);
         const rti_v low = rti_vmin(rti_vmin(a, b), c), high = rti_vmax(rti_vmax(a, b), c);
-        near[k] = side[k] ? high : low;
-        far[k] = side[k] ? low : high;
+        near_side[k] = side[k] ? high : low;
+        far_side[k] = side[k] ? low : high;
     }
 }
 
 /* Lanes that meet a box: rti_hit_box. */
-RTI_FN unsigned rti_meet_lanes(const rti_packet *p, const rti_v near[3], const rti_v far[3])
+RTI_FN unsigned rti_meet_lanes(const rti_packet *p, const rti_v near_side[3], const rti_v far_side[3])
 {
     rti_v first[3], last[3];
     int k;
     RTI_UNROLL
     for (k = 0; k < 3; k++) {
         const rti_v rdir = rti_vload(p->rdir[k]);
-        first[k] = rti_vplane(near[k], rti_vload(p->plane[p->side[k]][k]), rdir);
-        last[k] = rti_vplane(far[k], rti_vload(p->plane[1 - p->side[k]][k]), rdir);
+        first[k] = rti_vplane(near_side[k], rti_vload(p->plane[p->side[k]][k]), rdir);
+        last[k] = rti_vplane(far_side[k], rti_vload(p->plane[1 - p->side[k]][k]), rdir);
     }
     return rti_vle(rti_vmax(rti_vmax(first[0], first[1]), rti_vmax(first[2], rti_vload(p->tmin))),
                    rti_vmin(rti_vmin(last[0], last[1]), rti_vmin(last[2], rti_vload(p->t))));
@@ -11319,11 +11319,11 @@ RTI_FN unsigned rti_sheaf_octet(rti_packet *p, const rti_interval *r, rti_v t, u
     uint32_t at;
     (void)job;
     for (at = 0; at < RTI_CHILDREN && at < count && live; at += RTI_WIDTH) {
-        rti_v near[3], far[3], enter;
+        rti_v near_side[3], far_side[3], enter;
         unsigned kept;
         int kz;
-        rti_octet_boxes(octet, at, p->side, near, far);
-        kept = rti_cross_interval(r, near, far, t, &enter);
+        rti_octet_boxes(octet, at, p->side, near_side, far_side);
+        kept = rti_cross_interval(r, near_side, far_side, t, &enter);
         if (at + RTI_WIDTH > count) kept &= (1u << (count - at)) - 1;
         RTI_TALLY(job->stats, RTI_COUNTS(job) ? RTI_WALK_COUNT : 0, prims, rti_bit_count(kept) * rti_bit_count(live));
         for (kz = kept ? p->first_axis : 3; kz <= p->last_axis; kz++) {
@@ -11356,13 +11356,13 @@ RTI_FN unsigned rti_sheaf_body(const rt_accel *accel, rti_packet *p, unsigned li
     for (;;) {
         const rti_wide *node = accel->wides + index;
         float enter[RTI_CHILDREN];
-        rti_v near[3], far[3], first;
+        rti_v near_side[3], far_side[3], first;
         unsigned hit = 0;
         const int base = top;
         int i;
         for (i = 0; i < RTI_CHILDREN; i += RTI_WIDTH) {
-            rti_wide_boxes(node, i, p->side, near, far);
-            hit |= rti_cross_interval(r, near, far, rti_vset(farthest), &first) << i;
+            rti_wide_boxes(node, i, p->side, near_side, far_side);
+            hit |= rti_cross_interval(r, near_side, far_side, rti_vset(farthest), &first) << i;
             rti_vstore(enter + i, first);
         }
         RTI_TALLY(job->stats, counts, steps, 1);
@@ -11388,9 +11388,9 @@ RTI_FN unsigned rti_sheaf_body(const rt_accel *accel, rti_packet *p, unsigned li
             lanes = stack[top].lanes & live;
             node = stack[top].node;
             i = stack[top].child;
-            rti_wide_box(node, i, p->side, near, far);
+            rti_wide_box(node, i, p->side, near_side, far_side);
             RTI_TALLY(job->stats, counts, boxes, rti_bit_count(lanes));
-            lanes &= rti_meet_lanes(p, near, far);
+            lanes &= rti_meet_lanes(p, near_side, far_side);
             if (!lanes) continue;
             index = node->index[i];
             count = node->count[i];
@@ -11673,7 +11673,7 @@ RTI_FN bool rti_prepare_shared(const rt_accel *accel, rti_large *g)
 {
     const float org[3] = { g->rays[0].org[0][0], g->rays[0].org[1][0], g->rays[0].org[2][0] };
     rti_v reach, far_org, longest = rti_vset(0), shortest = rti_vset(RTI_INFINITY), most, pad;
-    float far_out = 0, far = 0, least, largest;
+    float far_out = 0, coordinate = 0, least, largest;
     int i, k;
     for (i = 0; i < g->count; i++) {
         const rti_packet *p = &g->rays[i];
@@ -11687,11 +11687,11 @@ RTI_FN bool rti_prepare_shared(const rt_accel *accel, rti_large *g)
     }
     for (k = 0; k < 3; k++) {
         far_out = rti_maxf(far_out, rti_maxf(fabsf(accel->lower[k] - org[k]), fabsf(accel->upper[k] - org[k])));
-        far = rti_maxf(far, fabsf(org[k]));
+        coordinate = rti_maxf(coordinate, fabsf(org[k]));
     }
-    if (!(far <= RT_MAX_COORDINATE)) return false;
+    if (!(coordinate <= RT_MAX_COORDINATE)) return false;
     reach = rti_vset(far_out);
-    far_org = rti_vset(far);
+    far_org = rti_vset(coordinate);
     for (i = 0; i < g->count; i++) {
         rti_packet *p = &g->rays[i];
         const rti_v dir[3] = { rti_vload(p->dir[0]), rti_vload(p->dir[1]), rti_vload(p->dir[2]) };
@@ -12420,20 +12420,20 @@ RTI_FN void rti_make_crowd(rti_crowd *c, rti_packet *rays, uint64_t list, const 
     astray *= part;
     c->list = list;
     for (i = 0; i < RTI_CROWD; i += RTI_WIDTH) {
-        unsigned small = RTI_ALL_LANES;
+        unsigned tight = RTI_ALL_LANES;
         if (!(list >> i & RTI_ALL_LANES)) continue;
         for (k = 0; k < 3; k++) {
-            small &= rti_vle(rti_vabs(rti_vsub(rti_vload(c->near_org[k] + i), rti_vload(c->far_org[k] + i))), rti_vset(far_apart));
-            small &= rti_vle(rti_vsub(rti_vdiv(one, rti_vload(c->least[k] + i)), rti_vdiv(one, rti_vload(c->most[k] + i))), rti_vset(astray));
+            tight &= rti_vle(rti_vabs(rti_vsub(rti_vload(c->near_org[k] + i), rti_vload(c->far_org[k] + i))), rti_vset(far_apart));
+            tight &= rti_vle(rti_vsub(rti_vdiv(one, rti_vload(c->least[k] + i)), rti_vdiv(one, rti_vload(c->most[k] + i))), rti_vset(astray));
         }
-        c->list &= ~((uint64_t)(RTI_ALL_LANES & ~small) << i);
+        c->list &= ~((uint64_t)(RTI_ALL_LANES & ~tight) << i);
     }
     c->open = 0;
     for (left = c->list; left; left &= left - 1) c->open++;
 }
 
 /* Those of list that may meet a box. */
-RTI_FN uint64_t rti_crowd_meets(const rti_crowd *c, uint64_t list, const rti_v near[3], const rti_v far[3])
+RTI_FN uint64_t rti_crowd_meets(const rti_crowd *c, uint64_t list, const rti_v near_side[3], const rti_v far_side[3])
 {
     uint64_t met = 0;
     int i, k;
@@ -12449,7 +12449,7 @@ RTI_FN uint64_t rti_crowd_meets(const rti_crowd *c, uint64_t list, const rti_v n
             r.most[k] = rti_vload(c->most[k] + i);
         }
         r.tmin = rti_vload(c->tmin + i);
-        met |= (uint64_t)rti_cross_interval(&r, near, far, rti_vload(c->t + i), &enter) << i;
+        met |= (uint64_t)rti_cross_interval(&r, near_side, far_side, rti_vload(c->t + i), &enter) << i;
     }
     return met & list;
 }
@@ -12475,16 +12475,16 @@ RTI_FN void rti_crowd_octet(rti_crowd *c, uint64_t list, const rti_octet *octet,
     (void)job;
     for (at = 0; at < RTI_CHILDREN && at < count; at += RTI_WIDTH) {
         float nears[3][RTI_WIDTH], fars[3][RTI_WIDTH];
-        rti_v near[3], far[3], enter;
+        rti_v near_side[3], far_side[3], enter;
         unsigned kept;
         int k;
-        rti_octet_boxes(octet, at, c->side, near, far);
+        rti_octet_boxes(octet, at, c->side, near_side, far_side);
         RTI_UNROLL
         for (k = 0; k < 3; k++) {
-            rti_vstore(nears[k], near[k]);
-            rti_vstore(fars[k], far[k]);
+            rti_vstore(nears[k], near_side[k]);
+            rti_vstore(fars[k], far_side[k]);
         }
-        kept = rti_cross_interval(&c->all, near, far, rti_vset(c->farthest), &enter);
+        kept = rti_cross_interval(&c->all, near_side, far_side, rti_vset(c->farthest), &enter);
         if (at + RTI_WIDTH > count) kept &= (1u << (count - at)) - 1;
         for (; kept; kept &= kept - 1) {
             const int lane = rti_lowest_bit(kept);
@@ -12492,10 +12492,10 @@ RTI_FN void rti_crowd_octet(rti_crowd *c, uint64_t list, const rti_octet *octet,
             uint64_t asked;
             RTI_UNROLL
             for (k = 0; k < 3; k++) {
-                near[k] = rti_vset(nears[k][lane]);
-                far[k] = rti_vset(fars[k][lane]);
+                near_side[k] = rti_vset(nears[k][lane]);
+                far_side[k] = rti_vset(fars[k][lane]);
             }
-            for (asked = rti_crowd_meets(c, list, near, far); asked; asked &= asked - 1) {
+            for (asked = rti_crowd_meets(c, list, near_side, far_side); asked; asked &= asked - 1) {
                 const int i = rti_lowest_of(asked);
                 rti_packet *p = &c->rays[i];
                 unsigned hit = 0;
@@ -12524,15 +12524,15 @@ RTI_NOINLINE RTI_TARGET void rti_crowd_others(const rt_accel *accel, rti_crowd *
     const bool any = job->query == RT_ANY;
     const uint32_t kind = node->count[child] >> RTI_KIND_SHIFT;
     uint32_t first = node->index[child], count = node->count[child] & RTI_COUNT_MASK;
-    rti_v near[3], far[3];
+    rti_v near_side[3], far_side[3];
     uint64_t left;
     (void)kind;
-    rti_wide_box(node, child, c->side, near, far);      /* again: those of the walk stay in registers */
+    rti_wide_box(node, child, c->side, near_side, far_side);      /* again: those of the walk stay in registers */
 #if RTI_SPHERES
     for (left = kind == RTI_SPHERE ? list : 0; left; left &= left - 1) {
         const int i = rti_lowest_of(left);
         rti_packet *p = &c->rays[i];
-        const unsigned lanes = p->live & rti_meet_lanes(p, near, far);
+        const unsigned lanes = p->live & rti_meet_lanes(p, near_side, far_side);
         RTI_TALLY(job->stats, RTI_COUNTS(job) ? RTI_WALK_COUNT : 0, prims, count * (uint32_t)rti_bit_count(lanes));
         if (lanes) rti_crowd_note(c, i, rti_hit_spheres(accel, p, lanes, NULL, first, count, inst, any ? RTI_WALK_ANY : 0), any);
     }
@@ -12545,7 +12545,7 @@ RTI_NOINLINE RTI_TARGET void rti_crowd_others(const rt_accel *accel, rti_crowd *
         int n = 0, i;
         for (left = list; left; left &= left - 1) {
             rti_packet *p = &c->rays[i = rti_lowest_of(left)], *q = &inner[n];
-            const unsigned lanes = p->live & rti_meet_lanes(p, near, far);
+            const unsigned lanes = p->live & rti_meet_lanes(p, near_side, far_side);
             RTI_TALLY(job->stats, RTI_COUNTS(job) ? RTI_WALK_COUNT : 0, prims, rti_bit_count(lanes));
             q->live = lanes ? rti_enter_instance(in, in->accel, p, lanes, q, false) : 0;
             q->found = 0;
@@ -12591,12 +12591,12 @@ RTI_FN void rti_crowd_body(const rt_accel *accel, rti_crowd *c, uint32_t inst, c
         const rti_wide *node = accel->wides + index;
         const int base = top;
         float enter[RTI_CHILDREN];
-        rti_v near[3], far[3], first;
+        rti_v near_side[3], far_side[3], first;
         unsigned hit = 0;
         int i;
         for (i = 0; i < RTI_CHILDREN; i += RTI_WIDTH) {
-            rti_wide_boxes(node, i, c->side, near, far);
-            hit |= rti_cross_interval(&c->all, near, far, rti_vset(c->farthest), &first) << i;
+            rti_wide_boxes(node, i, c->side, near_side, far_side);
+            hit |= rti_cross_interval(&c->all, near_side, far_side, rti_vset(c->farthest), &first) << i;
             rti_vstore(enter + i, first);
         }
 #if RTI_STATS
@@ -12625,9 +12625,9 @@ RTI_FN void rti_crowd_body(const rt_accel *accel, rti_crowd *c, uint32_t inst, c
             if (!top) return;
             node = stack[--top].node;
             i = stack[top].child;
-            rti_wide_box(node, i, c->side, near, far);
+            rti_wide_box(node, i, c->side, near_side, far_side);
             RTI_TALLY(job->stats, flags, boxes, rti_count_list(c->rays, stack[top].list));
-            list = rti_crowd_meets(c, stack[top].list, near, far);
+            list = rti_crowd_meets(c, stack[top].list, near_side, far_side);
             if (!list) continue;
             index = node->index[i];
             count = node->count[i];
