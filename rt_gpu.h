@@ -34,7 +34,7 @@
    MACROS, each defined before the include
 
        RT_GPU_IMPLEMENTATION    emit the code here, behind rt.h's, and under the same RT_NO_*
-       RT_GPU_SELF, RT_GPU_KERNELS   the names this file and rt_gpu_kernels.cl are included by
+       RT_GPU_KERNELS           the name rt_gpu_kernels.cl is included by; default "rt_gpu_kernels.cl". rt.h is, by RT_SELF
 
    ENVIRONMENT
 
@@ -2597,7 +2597,7 @@ static rt_status rti_gpu_find_programs(rti_gpu_picture *p, const rt_render_optio
     key.kind = RTI_GPU_FRAMES;
     key.width = 1;
     key.general = p->gpu->general;
-    key.shows = p->gpu->general ? RTI_GPU_SHOWS_ALL : p->scene->shows;
+    key.shows = p->gpu->general ? (uint32_t)RTI_GPU_SHOWS_ALL : p->scene->shows;
     if (!p->gpu->general) {
         key.sampler = f->sampler;
         key.filter = f->filter;
