@@ -65,11 +65,13 @@ demo: $(B)/render $(B)/animate $(B)/bake $(B)/lidar $(B)/hello | out
 
 driver:
 	$(opencl)
-# two halves, side by side with -j2
-test: test-most test-others
+# two halves, side by side with -j2: the first, and the others
+test: test-most test-dropin test-others
 test-most: all driver
 	@mkdir -p $(POCL_CACHE_DIR)
 	$(B)/rt_test --without gpu.
+test-dropin:
+	CC="$(CC)" CXX="$(CXX)" sh tests/dropin.sh
 test-others: all driver
 	@mkdir -p $(POCL_CACHE_DIR)/others
 	POCL_CACHE_DIR=$(POCL_CACHE_DIR)/others $(B)/rt_test gpu.
@@ -146,4 +148,4 @@ help:
 	@echo "make fuzz       FUZZ=60 seconds of fuzzing the loaders, the builder and the traversals"
 	@echo "make clean      remove build/ and out/"
 
-.PHONY: FORCE all demo driver test test-most test-others accuracy bench gpu check check-address check-others check-programs fuzz matrix clean help
+.PHONY: FORCE all demo driver test test-most test-dropin test-others accuracy bench gpu check check-address check-others check-programs fuzz matrix clean help
