@@ -28,13 +28,15 @@ opencl = $(call get,ls /etc/OpenCL/vendors/*.icd,OpenCL,pocl-opencl-icd ocl-icd-
 export POCL_CACHE_DIR ?= $(CURDIR)/build/pocl
 
 # the longest to compile first, so that no processor is idle at the end
-all: $(B)/rt_test $(B)/accuracy $(B)/bench $(B)/animate $(B)/render $(B)/bake $(B)/lidar $(B)/hello $(B)/gpu_hello
+all: $(B)/rt_test $(B)/accuracy $(B)/bench $(B)/animate $(B)/render $(B)/bake $(B)/lidar $(B)/recipes $(B)/hello $(B)/gpu_hello
 
 COMPILE = $(CC) -std=c99 $(WARN) $(FLAGS_$(config)) $(CFLAGS) -I. -MMD -MP -MF $@.d -o $@ $<
 $(B)/%: examples/%.c | $(B)
 	$(COMPILE) $(LIBS)
 $(B)/%: tests/%.c | $(B)
 	$(COMPILE) $(LIBS)
+# it runs for no time
+$(B)/recipes: FLAGS_release = -O0
 # built anew where Embree has come or gone since
 $(B)/embree: FORCE | $(B)
 	@echo "$(EMBREE)" | cmp -s - $@ || echo "$(EMBREE)" >$@

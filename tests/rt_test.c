@@ -9576,6 +9576,51 @@ static void rtt_add_sky(const float x[3], int k, double *sky, double *weight)
         }
 }
 
+/* Recipes of README.md are of examples/recipes.c to the letter, which finds each to answer as it should: with a device, and without. */
+static void rtt_test_recipes(void)
+{
+    char *readme = rtt_read_project("README.md"), *recipes = rtt_read_project("examples/recipes.c"), said[4096];
+    char *section = readme ? strstr(readme, "\n## Recipes\n") : NULL, *stop = section ? strstr(section + 1, "\n## ") : NULL;
+    const char *device = getenv("RT_GPU_DEVICE");
+    char *asked = device ? strdup(device) : NULL;
+    int headings = 0, shown = 0;
+
+    if (CHECK(recipes && stop)) {
+        *stop = '\0';
+        for (char *at = section; (at = strstr(at, "\n### ")) != NULL; at++)
+            headings++;
+        for (char *at = section; (at = strstr(at, "\n```c\n")) != NULL;) {
+            char *start = at + 6, *end = strstr(start, "\n```");
+
+            if (!CHECK(end != NULL))
+                break;
+            *end = '\0';
+            if (!strstr(recipes, start))
+                rtt_fail("not of recipes.c: %.60s", start);
+            shown++;
+            at = end + 1;
+        }
+        CHECK(shown == headings && shown > 0);
+    }
+    free(readme);
+    free(recipes);
+    for (int any = 0; any < (rtt.no_gpu ? 1 : 2) && access("build/recipes", X_OK) == 0; any++) {
+        if (any == 0)
+            setenv("RT_GPU_DEVICE", "none", 1);
+        else if (asked)
+            setenv("RT_GPU_DEVICE", asked, 1);
+        else
+            unsetenv("RT_GPU_DEVICE");
+        if (rtt_run_program("recipes", "", said, sizeof said) != 0)
+            rtt_fail("%s", said);
+    }
+    if (asked)
+        setenv("RT_GPU_DEVICE", asked, 1);
+    else
+        unsetenv("RT_GPU_DEVICE");
+    free(asked);
+}
+
 static void rtt_test_bake(void)
 {
     static const char *const bad[][2] = {
@@ -11214,6 +11259,7 @@ static const rtt_test rtt_tests[] = {
     { "programs.report", rtt_test_report },
     { "programs.bake", rtt_test_bake },
     { "programs.lidar", rtt_test_lidar },
+    { "programs.recipes", rtt_test_recipes },
     { "spawn", rtt_test_spawn },
     { "refine.estimate", rtt_test_refine_estimate },
     { "refine.bias", rtt_test_refine_bias },
