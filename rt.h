@@ -72,7 +72,8 @@
 
        RT_IMPLEMENTATION    emit the code here (one file of the program)
        RT_STATIC            with RT_IMPLEMENTATION: make every function static to this file, so that several files may have their own
-       RT_MALLOC(n, user), RT_FREE(p, user)   your allocator; user is rt_build_options.memory_user. Both or neither
+       RT_MALLOC(n, user), RT_FREE(p, user)   your allocator; user is rt_build_options.memory_user. Both or neither. The thread that
+                            calls the library comes here, never one of a parallel_for
        RT_ASSERT(x)         misuse by the programmer; default assert()
        RT_SELF              the name this file includes itself by; default "rt.h"
        RT_NO_SIMD           plain C only: 4-wide packets in scalar code; same hits, slower

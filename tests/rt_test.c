@@ -128,6 +128,7 @@ typedef struct { rtt_memory *owner; size_t size; } rtt_block;          /* before
 
 static rtt_memory rtt_heap;                 /* where user is NULL */
 static pthread_mutex_t rtt_heap_lock = PTHREAD_MUTEX_INITIALIZER;
+static bool rtt_in_loop;                    /* of rtt_threads, whose caller waits: the others must not come for memory */
 static const unsigned char rtt_fence[8] = { 0xf0, 0xe1, 0xd2, 0xc3, 0xb4, 0xa5, 0x96, 0x87 };      /* after each block */
 
 static void *rtt_malloc(size_t size, void *user)
@@ -135,6 +136,8 @@ static void *rtt_malloc(size_t size, void *user)
     rtt_memory *owner = user ? (rtt_memory *)user : &rtt_heap;
     rtt_block *block = NULL;
 
+    if (rtt_in_loop)
+        rtt_die("RT_MALLOC within parallel_for");
     pthread_mutex_lock(&rtt_heap_lock);
     owner->calls++;
     if (!(owner->fail_at && (owner->calls == owner->fail_at || (owner->fail_after && owner->calls > owner->fail_at)))
@@ -162,6 +165,8 @@ static void rtt_free(void *pointer, void *user)
 
     if (!pointer)
         return;
+    if (rtt_in_loop)
+        rtt_die("RT_FREE within parallel_for");
     if (block->owner != (user ? (rtt_memory *)user : &rtt_heap))
         rtt_die("RT_FREE with another user pointer than RT_MALLOC");
     if (memcmp((char *)pointer + block->size, rtt_fence, sizeof rtt_fence) != 0)
@@ -2991,11 +2996,13 @@ static void rtt_threads(size_t thread_count, size_t count, void (*body)(void *co
     pthread_t threads[8];
     rtt_work work = { body, context, count, 0, PTHREAD_MUTEX_INITIALIZER };
 
+    rtt_in_loop = true;
     for (size_t i = 0; i < thread_count; i++)
         if (pthread_create(&threads[i], NULL, rtt_worker, &work) != 0)
             rtt_die("cannot start a thread");
     for (size_t i = 0; i < thread_count; i++)
         pthread_join(threads[i], NULL);
+    rtt_in_loop = false;
 }
 
 static void rtt_threaded(void *user, size_t count, void (*body)(void *context, size_t index), void *context)
