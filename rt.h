@@ -9585,7 +9585,7 @@ typedef struct {
     float rdir[3][RTI_WIDTH];                               /* 1 / dir, bounded */
     float tmin[RTI_WIDTH], t[RTI_WIDTH];                    /* t: of the hit; starts as tmax */
 )
-#if RTI_WIDTH > 1
+#if defined(RTI_WIDTH) && RTI_WIDTH > 1
     float slope[2][RTI_WIDTH];                              /* of large packets: dir along u and v, over dir along k */
 #endif
 RTI_SHARED(
@@ -9598,7 +9598,7 @@ RTI_SHARED(
     int side[3];                                            /* uniform directions: 1 where upper planes are met first */
     bool uniform;
 )
-#if RTI_WIDTH > 1
+#if defined(RTI_WIDTH) && RTI_WIDTH > 1
     unsigned live, found;                                   /* of large packets: lanes that still need hits, and that have one */
 #endif
 RTI_SHARED(

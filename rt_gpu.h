@@ -811,8 +811,10 @@ static bool rti_gpu_add(rti_gpu_names *n, const void *thing, uint32_t *number)
     return true;
 }
 
+#if RTI_INSTANCES || !defined(RT_NO_SHADING)
 /* The number of what has been added. */
 static uint32_t rti_gpu_number_of(const rti_gpu_names *n, const void *thing) { return n->table[rti_gpu_place(n, thing)] - 1; }
+#endif
 
 static void rti_gpu_forget(rti_gpu_names *n)
 {

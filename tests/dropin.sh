@@ -6,8 +6,9 @@ from=tests/dropin
 dir=build/dropin
 cc=${CC:-cc}
 cxx=${CXX:-c++}
-warn="-Wall -Wextra -Wpedantic -Wconversion -Wshadow -Wdouble-promotion -Werror -I."
+warn="-Wall -Wextra -Wpedantic -Wconversion -Wshadow -Wdouble-promotion -Wundef -Werror -I."
 few="-DRT_NO_PACKETS -DRT_NO_SHADING -DRT_NO_KDTREE -DRT_NO_THREADED"
+none="$few -DRT_NO_SPHERES -DRT_NO_INSTANCES -DRT_NO_PLANES -DRT_NO_STATS -DRT_NO_SAMPLING -DRT_NO_SIMD"
 cpp="-fno-exceptions -fno-rtti -x c++"
 libs="-lm -ldl"
 passed=0
@@ -36,11 +37,13 @@ names()
     fi
 }
 
-# everything, read by each compiler as each language, behind macros; and static, without assertions
+# everything, read by each compiler as each language, behind macros; static, without assertions; and with all left out that can be
 for compiler in "$cc -std=c99" "clang -std=c99" "$cxx $cpp -std=c++11" "$cxx $cpp -std=c++20" "clang++ $cpp -std=c++11" "clang++ $cpp -std=c++20"; do
     command -v ${compiler%% *} >/dev/null || continue
     try "macros" $compiler $warn -fsyntax-only $from/macros.c
     try "static" $compiler $warn -fsyntax-only -DRT_STATIC -DNDEBUG $from/macros.c
+    try "least" $compiler $warn -fsyntax-only $none $from/two_code.c
+    try "least, rt_gpu.h" $compiler $warn -fsyntax-only $none $from/hooks_code.c
 done
 
 # two files that link, whatever language either is
