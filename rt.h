@@ -871,7 +871,10 @@ RTI_INLINE double rti_keep(double x) { return rti_round(x); }
 #define RTI_TARGET_AVX2
 #endif
 
-#if !RTI_MSVC
+#if defined(_WIN64) && defined(__GNUC__) && !defined(__clang__)
+/* There the stack is aligned to 16 bytes, and gcc keeps 32 byte vectors on it as if to 32 (its bug 54412): they crash by chance. */
+static bool rti_has_avx2(void) { return false; }
+#elif !RTI_MSVC
 static bool rti_has_avx2(void) { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }
 #else
 static bool rti_ask_avx2(void)
