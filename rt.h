@@ -2693,6 +2693,7 @@ static void rti_build_tops(rti_builder *b, size_t count)
         stack[top++] = halves[1];
         stack[top++] = halves[0];
     }
+    b->top = NULL;                          /* it pointed here */
 }
 
 /* ---- tasks ---- */
