@@ -2972,6 +2972,15 @@ static bool sn_fail_ppm(char *error, size_t size, const char *format, ...)
     return false;
 }
 
+/* As POSIX has rename: over a file that is there too. */
+SCENE_API int scene_rename(const char *from, const char *to)
+{
+#ifdef _WIN32
+    remove(to);
+#endif
+    return rename(from, to);
+}
+
 /* Writes linear colours as an sRGB PPM (P6): to a file beside it that is renamed when it is whole, and removed on failure. */
 SCENE_API bool scene_write_ppm(const char *path, const rt_vec3 *pixels, int width, int height, char *error, size_t error_size)
 {
@@ -3004,7 +3013,7 @@ SCENE_API bool scene_write_ppm(const char *path, const rt_vec3 *pixels, int widt
         written = fwrite(row, 3, (size_t)width, file) == (size_t)width;
     }
     if (file && fclose(file) != 0) written = false;
-    if (!written || rename(temporary, path) != 0) {
+    if (!written || scene_rename(temporary, path) != 0) {
         written = sn_fail_ppm(error, error_size, "%s: cannot write it: %s", path, strerror(errno));
         if (file) remove(temporary);
     }
