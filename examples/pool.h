@@ -95,10 +95,19 @@ POOL_API void pool_destroy(pool *p)
     free(p);
 }
 
+static long pool_processors(void)
+{
+#ifdef _WIN32
+    return pthread_num_processors_np();     /* of winpthreads: Windows has no sysconf */
+#else
+    return sysconf(_SC_NPROCESSORS_ONLN);
+#endif
+}
+
 /* threads counts the caller of pool_for; 0: as many as there are processors. NULL: out of memory, or the threads cannot start. */
 POOL_API pool *pool_create(int threads)
 {
-    long processors = threads > 0 ? threads : sysconf(_SC_NPROCESSORS_ONLN);
+    long processors = threads > 0 ? threads : pool_processors();
     int others = processors > 1 ? (int)processors - 1 : 0;
     pool *p = (pool *)calloc(1, sizeof *p);
 
