@@ -53,6 +53,15 @@ static void rtt_free(void *pointer, void *user);
                                                checksum); and where it is not 1, one in five ways to trace is tried, by turns */
 #endif
 
+#ifdef _WIN32                               /* what mingw-w64 lacks of POSIX */
+#include <direct.h>
+#include <io.h>
+#define mkdir(path, mode) _mkdir(path)
+static char *mkdtemp(char *path) { return _mktemp(path) && _mkdir(path) == 0 ? path : NULL; }
+static int setenv(const char *name, const char *value, int replace) { return replace || !getenv(name) ? _putenv_s(name, value) : 0; }
+static int unsetenv(const char *name) { return _putenv_s(name, ""); }
+#endif
+
 #define RTT_COUNT(array) (sizeof(array) / sizeof((array)[0]))
 
 /* ---- >>harness ------------------------------------------------------------------------------------------------------ */
@@ -6512,7 +6521,7 @@ static int loader_clear(void)
     if (folder)
         closedir(folder);
     if (loader.folder[0])
-        remove(loader.folder);
+        rmdir(loader.folder);               /* Windows' remove is for files only */
     loader.folder[0] = '\0';
     return count;
 }
@@ -7410,6 +7419,7 @@ static void rtt_test_scene_ppm(void)
     int width, height;
 
     picture[5].y = nanf("");
+    loader_write("p.ppm", "what is there is replaced");
     CHECK(scene_write_ppm(loader_path("p.ppm"), picture, 3, 2, message, sizeof message));
     in = fopen(loader_path("p.ppm"), "rb");
     CHECK(in && fread(file, 1, sizeof file, in) == 11 + 18 && memcmp(file, "P6\n3 2\n255\n", 11) == 0 && memcmp(file + 11, bytes,
@@ -11091,13 +11101,15 @@ static void rtt_test_gpu_async(void)
 
 static size_t rtt_resident(void)
 {
-    unsigned long whole = 0, resident = 0;
-    FILE *file = fopen("/proc/self/statm", "r");
+    unsigned long kilobytes = 0;
+    char line[256];
+    FILE *file = fopen("/proc/self/status", "r");
 
-    if (!file || fscanf(file, "%lu %lu", &whole, &resident) != 2)
-        rtt_die("/proc/self/statm");
+    while (file && fgets(line, sizeof line, file) && sscanf(line, "VmRSS: %lu", &kilobytes) != 1) { }
+    if (!kilobytes)
+        rtt_die("/proc/self/status");
     fclose(file);
-    return resident * (size_t)sysconf(_SC_PAGESIZE);
+    return 1024 * (size_t)kilobytes;
 }
 
 /* 10,000 times an accel, a buffer and a trace; and contexts. What PoCL keeps of programs is not counted: they are compiled before. */
