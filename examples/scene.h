@@ -1196,7 +1196,7 @@ static void sn_mtllib(sn_builder *b, const char *text, const char *p)
 typedef struct {
     size_t line, triangle;                  /* its first triangle */
     size_t corner, corner_count;            /* into sn_obj.later_corners, for more than 3 corners */
-    size_t v, t, n;                         /* the greatest index of each kind, from 1 */
+    uint64_t v, t, n;                       /* the greatest index of each kind, from 1, as the file has it */
 } sn_later;
 
 typedef struct {
@@ -1286,7 +1286,7 @@ static void sn_obj_texture(sn_obj *o, const char *p)
 
 /* Reads an index from 1, or one from -1 that counts backwards from what has been given. *greatest keeps the greatest one, from 1. */
 SCENE_HOT bool sn_obj_index(sn_builder *b, const char **at, const char *token, const char *what, size_t count, uint32_t *out,
-                            size_t *greatest) {
+                            uint64_t *greatest) {
     const char *p = *at;
     const bool negative = *p == '-';
     uint64_t index = 0;
@@ -1301,7 +1301,7 @@ SCENE_HOT bool sn_obj_index(sn_builder *b, const char **at, const char *token, c
     if (negative && index > count)
         return sn_fail(b, "f: '%s': %s index out of range: there are %zu so far", sn_quote(token, sn_token_end(token)).text, what, count);
     if (negative) index = count - index + 1;
-    if (index > *greatest) *greatest = (size_t)index;
+    if (index > *greatest) *greatest = index;
     *out = (uint32_t)(index - 1);
     return true;
 }
@@ -1309,7 +1309,7 @@ SCENE_HOT bool sn_obj_index(sn_builder *b, const char **at, const char *token, c
 /* Says which index of a face refers to nothing, if one does. Texture and normal indices in a file that has no vt or vn do no harm. */
 static bool sn_obj_check(sn_obj *o, const sn_later *face)
 {
-    const struct { const char *what; size_t index, count; } kinds[] = {
+    const struct { const char *what; uint64_t index; size_t count; } kinds[] = {
         { "vertex", face->v, o->b->vertices.count }, { "texture", face->t, o->b->texcoords.count }, { "normal", face->n, o->b->normals.count }
     };
     size_t i;
@@ -1317,7 +1317,8 @@ static bool sn_obj_check(sn_obj *o, const sn_later *face)
     for (i = 0; i < 3; i++) {
         if (kinds[i].index <= kinds[i].count) continue;
         if (i == 0 || kinds[i].count > 0)
-            return sn_fail(o->b, "f: %s index %zu out of range: the file has %zu", kinds[i].what, kinds[i].index, kinds[i].count);
+            return sn_fail(o->b, "f: %s index %llu out of range: the file has %zu", kinds[i].what, (unsigned long long)kinds[i].index,
+                           kinds[i].count);
         if (!o->unmet[i]) sn_warn(o->b, "f: %s indices in a file that has none are ignored", kinds[i].what);
         o->unmet[i] = true;
     }
