@@ -3662,7 +3662,7 @@ static void rtt_test_build_options(void)
         case 6: geometry.vertices = NULL; break;
         case 7: geometry.spheres = NULL; break;
         case 8: geometry.instance_count = 1; break;
-        case 9: geometry.triangle_count = (size_t)1 << 32; break;
+        case 9: geometry.triangle_count = SIZE_MAX > UINT32_MAX ? (size_t)(UINT64_C(1) << 32) : SIZE_MAX; break;
         case 10: geometry.sphere_count = SIZE_MAX; break;
         case 11: geometry.indices = NULL, geometry.triangle_count = 2; break;
         default: geometry.triangle_count = RT_NONE, geometry.sphere_count = 2; break;
