@@ -2,6 +2,7 @@
 
        cc -O2 -pthread tests/rt_test.c -o rt_test -lm && ./rt_test        all tests
        ./rt_test NAME...       those whose name contains one of the NAMEs
+       ./rt_test --without NAME   not those whose name contains NAME; may be said again
        ./rt_test --list        names only
        ./rt_test --seed N      other random numbers (the checksum changes with them)
        ./rt_test --big         ten million triangles where otherwise one million
@@ -11347,8 +11348,8 @@ static const rtt_test rtt_tests[] = {
 
 int main(int argc, char **argv)
 {
-    int passed = 0, failed = 0, filters = 0;
-    const char *without = NULL;
+    int passed = 0, failed = 0, filters = 0, withouts = 0;
+    const char *without[16];
 
     setenv("POCL_SIGFPE_HANDLER", "0", 1);  /* else programs go on after a division by zero */
     setvbuf(stdout, NULL, _IOLBF, 0);       /* a crash loses no line */
@@ -11367,10 +11368,10 @@ int main(int argc, char **argv)
             rtt.no_gpu = true;
         else if (strcmp(argv[i], "--any-gpu") == 0)
             rtt.any_gpu = true;
-        else if (strcmp(argv[i], "--without") == 0 && i + 1 < argc)
-            without = argv[++i];
+        else if (strcmp(argv[i], "--without") == 0 && i + 1 < argc && withouts < (int)RTT_COUNT(without))
+            without[withouts++] = argv[++i];
         else if (argv[i][0] == '-') {
-            fprintf(stderr, "usage: %s [--list] [--seed N] [--big] [--no-gpu | --any-gpu] [--without NAME] [NAME]...\n", argv[0]);
+            fprintf(stderr, "usage: %s [--list] [--seed N] [--big] [--no-gpu | --any-gpu] [--without NAME]... [NAME]...\n", argv[0]);
             return 2;
         } else
             argv[1 + filters++] = argv[i];
@@ -11385,7 +11386,9 @@ int main(int argc, char **argv)
 
         for (int i = 1; i <= filters; i++)
             wanted = wanted || strstr(rtt_tests[t].name, argv[i]);
-        if (!wanted || (rtt.no_gpu && strncmp(rtt_tests[t].name, "gpu.", 4) == 0) || (without && strstr(rtt_tests[t].name, without)))
+        for (int i = 0; i < withouts; i++)
+            wanted = wanted && !strstr(rtt_tests[t].name, without[i]);
+        if (!wanted || (rtt.no_gpu && strncmp(rtt_tests[t].name, "gpu.", 4) == 0))
             continue;
         rtt.test = rtt_tests[t].name;
         rtt.failures = 0;
