@@ -131,9 +131,18 @@ fuzz: | build
 gpu:
 	sh tests/gpu.sh $(GPU)
 
+# MATRIX: some of its parts, as "1 4"
 matrix:
+	$(call need,g++,g++)
 	$(call need,clang,clang)
-	sh tests/matrix.sh
+	$(call need,i686-linux-gnu-gcc,gcc-i686-linux-gnu libc6-dev-i386-cross)
+	$(call need,aarch64-linux-gnu-gcc,gcc-aarch64-linux-gnu libc6-dev-arm64-cross)
+	$(call need,s390x-linux-gnu-gcc,gcc-s390x-linux-gnu libc6-dev-s390x-cross)
+	$(call need,qemu-s390x,qemu-user)
+	$(call need,x86_64-w64-mingw32-gcc-posix,gcc-mingw-w64-x86-64-posix)
+	$(call need,wine,--no-install-recommends wine wine64)
+	$(call need,emcc,--no-install-recommends emscripten)
+	sh tests/matrix.sh $(MATRIX)
 
 clean:
 	rm -rf build out
@@ -146,7 +155,7 @@ help:
 	@echo "make bench      speed table, with Embree where libembree-dev is installed, and the papers' tables; BENCH='--help' tells the options"
 	@echo "make gpu        every kernel of rt_gpu.h on this machine's OpenCL device: hits and speed; GPU='scene.obj --device NAME'"
 	@echo "make check      tests under the address, undefined and thread sanitizers and valgrind"
-	@echo "make matrix     compilers x standards x flags x opt-outs: warnings, sizes, equal hits"
+	@echo "make matrix     compilers x standards x flags x opt-outs: warnings, sizes, equal hits, here and on other processors and systems"
 	@echo "make fuzz       FUZZ=60 seconds of fuzzing the loaders, the builder and the traversals"
 	@echo "make clean      remove build/ and out/"
 

@@ -1,14 +1,16 @@
 #!/bin/sh
-# make matrix: every compiler, standard, flag and opt-out at hand. Prints a line a combination and ends with a failure where one fails.
+# make matrix: every compiler, standard, flag, opt-out and target. Prints a line a combination and ends with a failure where one fails, or
+# lacks its compiler or emulator: nothing is skipped. sh tests/matrix.sh PART... runs these of its parts:
 #   1 rt.h twice in one file and in two that link, warnings as errors, as C and C++
 #   2 each opt-out alone and all together: warnings, and code and constant bytes at -Os
 #   3 rt_test: the same checksum of all hits from each compiler, optimisation and instruction set
+#   4 the same on other processors and systems. TARGET=NAME: on those with such names
 cd "$(dirname "$0")/.." || exit 1
 dir=build/matrix
 mkdir -p $dir
-warn="-Wall -Wextra -Wpedantic -Wconversion -Wshadow -Werror"
-failed=0
-fail() { echo "FAILED: $*"; failed=1; }
+warn="-Wall -Wextra -Wpedantic -Wconversion -Wshadow -Wdouble-promotion -Werror"
+failures=0
+fail() { echo "FAILED: $*"; failures=$((failures + 1)); }
 
 cat >$dir/one.c <<'END'
 #include "rt.h"
@@ -31,7 +33,6 @@ int other(void)
     return RT_HEADER_VERSION;
 }
 END
-printf '#include <stdlib.h>\nint main(void) { return 0; }\n' >$dir/probe.c
 cat >$dir/static.c <<'END'
 #define RT_STATIC
 #define RT_IMPLEMENTATION
@@ -51,49 +52,111 @@ cat >$dir/gpu.c <<'END'
 int main(void) { rt_gpu *gpu = 0; rt_gpu_close(gpu); return 0; }
 END
 
-echo "1. one include, two translation units"
-for compiler in "gcc -std=c99" "gcc -std=c11" "gcc -std=c17" "gcc -std=gnu17" "clang -std=c99" "clang -std=c17" \
-                "g++ -x c++ -std=c++11" "g++ -x c++ -std=c++20" "clang++ -x c++ -std=c++11" "clang++ -x c++ -std=c++20" \
-                "gcc -m32 -std=c99 -msse2 -mfpmath=sse"; do
-    if ! $compiler $dir/probe.c -o $dir/linked 2>/dev/null; then
-        echo "  not here: $compiler"
-        continue
-    fi
-    $compiler -O2 $warn -I. -c $dir/one.c -o $dir/one.o || fail "$compiler"
-    $compiler -O0 $warn -I. -c $dir/gpu.c -o $dir/gpu.o || fail "$compiler (rt_gpu.h)"
-    for second in two static; do
-        $compiler -O2 $warn -I. -c $dir/$second.c -o $dir/$second.o || fail "$compiler ($second)"
-        ${compiler% -x*} $dir/one.o $dir/$second.o -o $dir/linked -lm && $dir/linked || fail "$compiler (linked with $second)"
+part_1() {
+    echo "1. one include, two translation units"
+    for compiler in "gcc -std=c99" "gcc -std=c11" "gcc -std=c17" "gcc -std=gnu17" "clang -std=c99" "clang -std=c11" "clang -std=c17" "clang -std=gnu17" \
+                    "g++ -x c++ -std=c++11" "g++ -x c++ -std=c++20" "clang++ -x c++ -std=c++11" "clang++ -x c++ -std=c++20"; do
+        before=$failures
+        $compiler -O2 $warn -I. -c $dir/one.c -o $dir/one.o || fail "$compiler"
+        $compiler -O0 $warn -I. -c $dir/gpu.c -o $dir/gpu.o || fail "$compiler (rt_gpu.h)"
+        for second in two static; do
+            $compiler -O2 $warn -I. -c $dir/$second.c -o $dir/$second.o || fail "$compiler ($second)"
+            ${compiler% -x*} $dir/one.o $dir/$second.o -o $dir/linked -lm && $dir/linked || fail "$compiler (linked with $second)"
+        done
+        test $failures = $before && echo "  ok: $compiler"
     done
-    echo "  ok: $compiler"
-done
+}
 
-echo "2. opt-outs, bytes of code and constants at -Os (gcc)"
-all="-DRT_NO_KDTREE -DRT_NO_THREADED -DRT_NO_SPHERES -DRT_NO_INSTANCES -DRT_NO_PLANES -DRT_NO_PACKETS -DRT_NO_STATS -DRT_NO_SAMPLING -DRT_NO_SHADING"
-for optout in "" -DRT_NO_SIMD -DRT_NO_KDTREE -DRT_NO_THREADED -DRT_NO_SPHERES -DRT_NO_INSTANCES -DRT_NO_PLANES -DRT_NO_PACKETS -DRT_NO_STATS -DRT_NO_SAMPLING \
-              -DRT_NO_SHADING "$all" "$all -DRT_NO_SIMD"; do
-    for compiler in "gcc -std=c99" "clang -std=c99" "g++ -x c++ -std=c++11" "clang++ -x c++ -std=c++11"; do
-        $compiler -O2 $warn $optout -I. -c $dir/one.c -o $dir/optout.o || fail "$compiler $optout"
-        $compiler -O0 $warn $optout -I. -c $dir/gpu.c -o $dir/gpu.o || fail "$compiler $optout (rt_gpu.h)"
+part_2() {
+    echo "2. opt-outs, bytes of code and constants at -Os (gcc)"
+    all="-DRT_NO_KDTREE -DRT_NO_THREADED -DRT_NO_SPHERES -DRT_NO_INSTANCES -DRT_NO_PLANES -DRT_NO_PACKETS -DRT_NO_STATS -DRT_NO_SAMPLING -DRT_NO_SHADING"
+    for optout in "" -DRT_NO_SIMD -DRT_NO_KDTREE -DRT_NO_THREADED -DRT_NO_SPHERES -DRT_NO_INSTANCES -DRT_NO_PLANES -DRT_NO_PACKETS -DRT_NO_STATS \
+                  -DRT_NO_SAMPLING -DRT_NO_SHADING "$all" "$all -DRT_NO_SIMD"; do
+        for compiler in "gcc -std=c99" "clang -std=c99" "g++ -x c++ -std=c++11" "clang++ -x c++ -std=c++11"; do
+            $compiler -O2 $warn $optout -I. -c $dir/one.c -o $dir/optout.o || fail "$compiler $optout"
+            $compiler -O0 $warn $optout -I. -c $dir/gpu.c -o $dir/gpu.o || fail "$compiler $optout (rt_gpu.h)"
+        done
+        gcc -std=c99 -Os $optout -I. -c $dir/one.c -o $dir/optout.o || fail "-Os $optout"
+        printf '  %7d  %s\n' "$(size $dir/optout.o | awk 'NR == 2 { print $1 + $2 }')" "${optout:-everything}"
     done
-    gcc -std=c99 -Os $optout -I. -c $dir/one.c -o $dir/optout.o || fail "-Os $optout"
-    printf '  %7d  %s\n' "$(size $dir/optout.o | awk 'NR == 2 { print $1 + $2 }')" "${optout:-everything}"
-done
+}
 
-echo "3. the hits of rt_test"
-sum=
-for compiler in gcc clang; do
-    for flags in -O0 -O2 "-O3 -march=native -ffp-contract=fast"; do
-        for simd in "" -DRT_NO_SIMD; do
-            if ! $compiler -std=gnu99 $flags $simd -I. tests/rt_test.c -o $dir/rt_test -lm -lpthread; then
-                fail "$compiler $flags $simd does not build"
-                continue
-            fi
-            $dir/rt_test --no-gpu >$dir/log 2>&1 || { grep -E '^FAIL' $dir/log; fail "$compiler $flags $simd"; }
-            got=$(grep -o 'checksum: 0x[0-9a-f]*' $dir/log)
-            printf '  %-48s %s, %s\n' "$compiler $flags $simd" "$got" "$(tail -n 1 $dir/log)"
-            test -n "$got" && test "$got" = "${sum:=$got}" || fail "the checksum differs from the first"
+# hits TITLE WANT ISA RUN...: runs an rt_test, which must choose this instruction set, pass, and print this checksum, which $sum has then.
+# WANT and ISA may be empty: any.
+hits() {
+    title=$1 want=$2 isa=$3
+    shift 3
+    start=$(date +%s)
+    "$@" </dev/null >$dir/raw 2>&1
+    status=$?
+    tr -d '\r' <$dir/raw >$dir/log            # with which Windows ends its lines
+    sum=$(sed -n 's/^hits checksum: \(0x[0-9a-f]*\).*/\1/p' $dir/log)
+    chosen=$(sed -n 's/^seed [0-9]*, \([a-z0-9]*\),.*/\1/p' $dir/log)
+    printf '  %-48s %-6s %s, %s, %d s\n' "$title" "$chosen" "$sum" "$(tail -n 1 $dir/log)" $(($(date +%s) - start))
+    test $status = 0 || { grep -v '^ok' $dir/log | tail -n 20; fail "$title"; }
+    test "$chosen" = "${isa:-$chosen}" || fail "$title: runs $chosen instead of $isa"
+    test -n "$sum" && test "$sum" = "${want:-$sum}" || fail "$title: the checksum is not ${want:-there}"
+    sum=${want:-$sum}
+}
+
+part_3() {
+    echo "3. the hits of rt_test"
+    sum=
+    for compiler in gcc clang; do
+        for flags in -O0 -O2 "-O3 -march=native -ffp-contract=fast"; do
+            for simd in "" -DRT_NO_SIMD; do
+                $compiler -std=gnu99 $flags $simd -I. tests/rt_test.c -o $dir/rt_test -lm -lpthread || { fail "$compiler $flags $simd does not build"; continue; }
+                hits "$compiler $flags $simd" "$sum" "${simd:+scalar}" $dir/rt_test --no-gpu
+            done
         done
     done
-done
-exit $failed
+}
+
+# What runs elsewhere leaves out gpu., the OpenCL of this machine, and programs., which start compilers and programs of this machine.
+#   most  all others, less the longest, which are of no processor in particular: raster.ugly, raster.huge and kdtree.planes
+#   few   where floats are emulated, 30 to 100 times slower: geometry of every kind and size, structures pinned to their bytes, samplers,
+#         textures and all loaders; no pictures, and none of the tests with many random rays, of which
+#   some  adds those of hits. and rays., and those with threads
+most="--no-gpu --without programs. --without raster.ugly --without raster.huge --without kdtree.planes"
+few="--no-gpu oracle status hits.empty hits.sphere-start hits.short ground.bad motion.turn motion.transform motion.bad motion.refit instances.tiny
+     instances.bad instances.paths instances.transform rays.intervals rays.arrays refit.errors build.pinned build.layouts options
+     textures.levels textures.check sampling.golden shading.math shading.camera loaders."
+some="$few hits. rays. instances.deep watertight.grid build.parallel threads"
+wasm="-pthread -sENVIRONMENT=node,worker -sPROXY_TO_PTHREAD -sPTHREAD_POOL_SIZE=10 -sEXIT_RUNTIME -sSINGLE_FILE -sINITIAL_MEMORY=1GB"
+# Debian's emscripten looks for its modules where only Debian's node does
+export NODE_PATH="${NODE_PATH:-/usr/share/nodejs}" WINEPREFIX="$PWD/$dir/wine" WINEDEBUG=-all
+
+# name | compiler | what it makes | what runs that | instruction set, where it is certain | tests
+# i686 is gcc -m32 under another name: Debian's gcc-multilib cannot be installed beside a cross compiler. Its own loader finds its libc.
+targets="
+sse2    | gcc                                    | rt_test     | qemu-x86_64 -cpu Nehalem                                                        | sse2   | some
+i686    | i686-linux-gnu-gcc -msse2 -mfpmath=sse | rt_test     | /usr/i686-linux-gnu/lib/ld-linux.so.2 --library-path /usr/i686-linux-gnu/lib    |        | most
+aarch64 | aarch64-linux-gnu-gcc                  | rt_test     | qemu-aarch64 -L /usr/aarch64-linux-gnu                                          | scalar | some
+s390x   | s390x-linux-gnu-gcc                    | rt_test     | qemu-s390x -L /usr/s390x-linux-gnu                                              | scalar | few
+windows | x86_64-w64-mingw32-gcc-posix -static   | rt_test.exe | wine                                                                            | sse2   | most
+wasm    | emcc $wasm                             | rt_test.js  | node                                                                            | scalar | some
+"
+
+part_4() {
+    echo "4. the hits of rt_test on other processors and systems"
+    build="-std=gnu99 -O2 -DRTT_SCALE=8 -w -I. tests/rt_test.c"
+    gcc $build -o $dir/here -lm -lpthread || fail "here"
+    echo "$targets" | grep . >$dir/targets
+    while IFS='|' read -r name compiler program runner isa tests; do
+        name=$(echo $name) tests=$(echo $tests) program=$dir/$(echo $program)
+        case " ${TARGET:-$name} " in *" $name "*) ;; *) continue ;; esac
+        eval sum=\$sum_$tests selection=\$$tests
+        test -n "$sum" || hits "here: the $tests" "" "" $dir/here $selection
+        eval sum_$tests=$sum
+        for file in one gpu; do
+            $compiler -std=c99 -O1 $warn -I. -c $dir/$file.c -o $dir/$file.o || fail "$name: $file.c"
+        done
+        rm -f $program
+        $compiler $build -o $program -lm -lpthread || { fail "$name: rt_test does not build"; continue; }
+        hits "$name: the $tests" "$sum" "$(echo $isa)" $runner $program $selection
+    done <$dir/targets
+    test -n "$sum_most$sum_some$sum_few" || fail "no target is called $TARGET"
+}
+
+for part in ${*:-1 2 3 4}; do part_$part; done
+test $failures = 0
