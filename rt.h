@@ -703,7 +703,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #error "rt.h: -ffast-math and its parts break watertight hits; compile the file that defines RT_IMPLEMENTATION without them"
 #endif
 #if defined(FLT_EVAL_METHOD) && FLT_EVAL_METHOD != 0 && FLT_EVAL_METHOD != 16
-#error "rt.h: float arithmetic must round to float (x87 does not); compile with -msse2 -mfpmath=sse"
+#error "rt.h: float arithmetic must round to float: compile with -msse2 -mfpmath=sse where there is x87, for s390x with -std=gnu99 instead of c99"
 #endif
 
 #if defined(RT_MALLOC) != defined(RT_FREE)
