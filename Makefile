@@ -8,9 +8,8 @@ LIBS    = -lm -lpthread -ldl
 # compiler that tracks every variable too takes a third as long again
 FLAGS_release  = -O2
 FLAGS_scalar   = -O2 -DRT_NO_SIMD
-FLAGS_asan     = -O1 -g1 -DRTT_SCALE=8 -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
-FLAGS_tsan     = -O1 -g1 -DRTT_SCALE=2 -fsanitize=thread
-FLAGS_valgrind = -O1 -g1 -DRTT_SCALE=8
+FLAGS_asan     = -O1 -g1 -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
+FLAGS_tsan     = -O1 -g1 -fsanitize=thread
 B      := build$(if $(filter-out release,$(config)),/$(config))
 
 # 1 where a program with Embree 3 links
@@ -99,21 +98,20 @@ THREAD_TESTS   = threads build.parallel shading.render raster.render
 check: check-address check-others check-programs
 check-address: driver
 	$(MAKE) config=asan build/asan/rt_test
-	build/asan/rt_test --no-gpu
-	ASAN_OPTIONS=detect_leaks=0 build/asan/rt_test $(GPU_TESTS)
+	build/asan/rt_test --scale 8 --no-gpu
+	ASAN_OPTIONS=detect_leaks=0 build/asan/rt_test --scale 8 $(GPU_TESTS)
 check-programs:
 	$(MAKE) config=asan build/asan/render build/asan/rt_fuzz
 	build/asan/rt_fuzz 300
 	build/asan/render rings:2 -o build/asan/rings.ppm --size 160x120
-check-others: $(B)/rt_test
+check-others: $(B)/rt_test $(B)/hello
 	$(call need,valgrind,valgrind)
 	$(call need,oclgrind,oclgrind)
 	$(MAKE) config=tsan build/tsan/rt_test build/tsan/render
-	build/tsan/rt_test --no-gpu $(THREAD_TESTS)
+	build/tsan/rt_test --scale 2 --no-gpu $(THREAD_TESTS)
 	build/tsan/render balls:2 -o build/tsan/balls.ppm --size 160x120 --threads 4
-	$(MAKE) config=valgrind build/valgrind/rt_test build/valgrind/hello
-	valgrind -q --error-exitcode=1 --leak-check=full build/valgrind/hello >/dev/null
-	valgrind -q --error-exitcode=1 --leak-check=full build/valgrind/rt_test --no-gpu $(VALGRIND_TESTS)
+	valgrind -q --error-exitcode=1 --leak-check=full build/hello >/dev/null
+	valgrind -q --error-exitcode=1 --leak-check=full build/rt_test --scale 8 --no-gpu $(VALGRIND_TESTS)
 	RT_GPU_LIBRARY=$(OCLGRIND) oclgrind --build-options -disable-llvm-passes --data-races --check-api --max-errors 20 --log build/oclgrind.log build/rt_test --any-gpu gpu.small
 	@test ! -s build/oclgrind.log || { cat build/oclgrind.log; exit 1; }
 

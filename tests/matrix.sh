@@ -2,9 +2,10 @@
 # make matrix: every compiler, standard, flag, opt-out and target. Prints a line a combination and ends with a failure where one fails, or
 # lacks its compiler or emulator: nothing is skipped. sh tests/matrix.sh PART... runs these of its parts:
 #   1 rt.h twice in one file and in two that link, warnings as errors, as C and C++
-#   2 each opt-out alone and all together: warnings, and code and constant bytes at -Os
+#   2 opt-outs alone, in pairs and as a user would have them together: warnings, code at -Os, public structs
 #   3 rt_test: the same checksum of all hits from each compiler, optimisation and instruction set
 #   4 the same on other processors and systems. TARGET=NAME: on those with such names
+#   5 instructions that a scene does without, see tests/leave_out.sh
 cd "$(dirname "$0")/.." || exit 1
 dir=build/matrix
 mkdir -p $dir
@@ -67,18 +68,63 @@ part_1() {
     done
 }
 
+# code and constants at -Os, and bytes of the public structs that opt-outs make smaller
 part_2() {
-    echo "2. opt-outs, bytes of code and constants at -Os (gcc)"
-    all="-DRT_NO_KDTREE -DRT_NO_THREADED -DRT_NO_SPHERES -DRT_NO_INSTANCES -DRT_NO_PLANES -DRT_NO_PACKETS -DRT_NO_STATS -DRT_NO_SAMPLING -DRT_NO_SHADING"
-    for optout in "" -DRT_NO_SIMD -DRT_NO_KDTREE -DRT_NO_THREADED -DRT_NO_SPHERES -DRT_NO_INSTANCES -DRT_NO_PLANES -DRT_NO_PACKETS -DRT_NO_STATS \
-                  -DRT_NO_SAMPLING -DRT_NO_SHADING "$all" "$all -DRT_NO_SIMD"; do
-        for compiler in "gcc -std=c99" "clang -std=c99" "g++ -x c++ -std=c++11" "clang++ -x c++ -std=c++11"; do
-            $compiler -O2 $warn $optout -I. -c $dir/one.c -o $dir/optout.o || fail "$compiler $optout"
-            $compiler -O0 $warn $optout -I. -c $dir/gpu.c -o $dir/gpu.o || fail "$compiler $optout (rt_gpu.h)"
+    echo "2. opt-outs: bytes of code and constants at -Os (gcc), and of public structs"
+    cat >$dir/structs.c <<'END'
+#include "rt.h"
+#include <stdio.h>
+int main(void)
+{
+    printf("%9lu %9lu", (unsigned long)sizeof(rt_geometry), (unsigned long)sizeof(rt_trace_options));
+#ifndef RT_NO_SHADING
+    printf("%9lu %9lu %9lu", (unsigned long)sizeof(rt_material), (unsigned long)sizeof(rt_light), (unsigned long)sizeof(rt_render_options));
+#else
+    printf("%9s %9s %9s", "-", "-", "-");
+#endif
+    return 0;
+}
+END
+    printf '  %9s %9s %9s %9s %9s %9s %9s\n' code constants geometry trace material light render
+    each="SIMD BVH KDTREE THREADED PACKETS SPHERES INSTANCES PLANES STATS SAMPLING SHADING"
+    triangles="SPHERES INSTANCES PLANES STATS SAMPLING SHADING"
+    {
+        echo "everything:"
+        for name in $each; do echo "RT_NO_$name: $name"; done
+        echo "BVH only: KDTREE THREADED"
+        echo "k-d tree only: BVH THREADED"
+        echo "threaded only: BVH KDTREE"
+        echo "BVH, single rays: KDTREE THREADED PACKETS"
+        echo "no shading, no sampling: SHADING SAMPLING"
+        echo "triangles, all structures: $triangles"
+        echo "triangles, BVH: $triangles KDTREE THREADED"
+        echo "triangles, k-d tree, single rays: $triangles BVH THREADED PACKETS"
+        echo "triangles, threaded, single rays: $triangles BVH KDTREE PACKETS"
+        echo "triangles, BVH, single rays: $triangles KDTREE THREADED PACKETS"
+        echo "the same, RT_NO_SIMD: $triangles KDTREE THREADED PACKETS SIMD"
+    } >$dir/builds
+    while IFS=: read -r title names; do
+        optout=
+        for name in $names; do optout="$optout -DRT_NO_$name"; done
+        gcc -std=c99 -O2 $warn $optout -I. -c $dir/one.c -o $dir/optout.o || fail "gcc $title"
+        for compiler in "clang -std=c99" "g++ -x c++ -std=c++11" "clang++ -x c++ -std=c++11"; do
+            $compiler $warn $optout -I. -c $dir/gpu.c -o $dir/gpu.o || fail "$compiler $title"
         done
-        gcc -std=c99 -Os $optout -I. -c $dir/one.c -o $dir/optout.o || fail "-Os $optout"
-        printf '  %7d  %s\n' "$(size $dir/optout.o | awk 'NR == 2 { print $1 + $2 }')" "${optout:-everything}"
+        gcc -std=c99 -Os $optout -I. -c $dir/one.c -o $dir/optout.o || fail "-Os $title"
+        gcc -std=c99 $optout -I. $dir/structs.c -o $dir/structs || fail "structs of $title"
+        sizes=$(size -A $dir/optout.o | awk '/^\.text/ { code += $2 } /^\.(ro)?data/ { data += $2 } END { printf "%9d %9d", code, data }')
+        printf '  %s %s  %s\n' "$sizes" "$($dir/structs)" "$title"
+        smallest=${sizes% *}
+        test "$title" != "triangles, BVH, single rays" || test $smallest -lt 24576 || fail "the smallest useful library is not under 24 KiB"
+    done <$dir/builds
+    for first in $each; do                    # in pairs: what one leaves unused, another may leave undefined
+        for second in $each; do
+            clang -std=c99 -fsyntax-only $warn -DRT_NO_$first -DRT_NO_$second -I. $dir/gpu.c || fail "RT_NO_$first with RT_NO_$second"
+            test $second != $first || break
+        done
     done
+    echo "  any two together compile without a warning"
+    gcc -std=c99 -fsyntax-only -DRT_NO_BVH -DRT_NO_KDTREE -DRT_NO_THREADED -I. $dir/one.c 2>/dev/null && fail "no structure at all is no error"
 }
 
 # hits TITLE WANT ISA RUN...: runs an rt_test, which must choose this instruction set, pass, and print this checksum, which $sum has then.
@@ -139,24 +185,29 @@ wasm    | emcc $wasm                             | rt_test.js  | node           
 
 part_4() {
     echo "4. the hits of rt_test on other processors and systems"
-    build="-std=gnu99 -O2 -DRTT_SCALE=8 -w -I. tests/rt_test.c"
+    build="-std=gnu99 -O2 -w -I. tests/rt_test.c"
     gcc $build -o $dir/here -lm -lpthread || fail "here"
     echo "$targets" | grep . >$dir/targets
     while IFS='|' read -r name compiler program runner isa tests; do
         name=$(echo $name) tests=$(echo $tests) program=$dir/$(echo $program)
         case " ${TARGET:-$name} " in *" $name "*) ;; *) continue ;; esac
         eval sum=\$sum_$tests selection=\$$tests
-        test -n "$sum" || hits "here: the $tests" "" "" $dir/here $selection
+        test -n "$sum" || hits "here: the $tests" "" "" $dir/here --scale 8 $selection
         eval sum_$tests=$sum
         for file in one gpu; do               # emcc would refuse what is for its linker
             $compiler -std=gnu99 -O1 $warn -Wno-unused-command-line-argument -I. -c $dir/$file.c -o $dir/$file.o || fail "$name: $file.c"
         done
         rm -f $program
         $compiler $build -o $program -lm -lpthread || { fail "$name: rt_test does not build"; continue; }
-        hits "$name: the $tests" "$sum" "$(echo $isa)" $runner $program $selection
+        hits "$name: the $tests" "$sum" "$(echo $isa)" $runner $program --scale 8 $selection
     done <$dir/targets
     test -n "$sum_most$sum_some$sum_few" || fail "no target is called $TARGET"
 }
 
-for part in ${*:-1 2 3 4}; do part_$part; done
+part_5() {
+    sh tests/leave_out.sh >$dir/log 2>&1 || fail "leave_out.sh"
+    sed -e 's/^\([0-9]\)\. /5.\1 /' $dir/log
+}
+
+for part in ${*:-1 2 3 4 5}; do part_$part; done
 test $failures = 0

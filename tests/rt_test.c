@@ -49,11 +49,6 @@ static void rtt_free(void *pointer, void *user);
 #define RT_GPU_IMPLEMENTATION
 #include "../rt_gpu.h"
 
-#ifndef RTT_SCALE
-#define RTT_SCALE 1                         /* of sanitizers, which are slow: divides the sizes of big builds and of many rays (never of a case in the
-                                               checksum); and where it is not 1, one in five ways to trace is tried, by turns */
-#endif
-
 #ifdef _WIN32                               /* what mingw-w64 lacks of POSIX */
 #include <direct.h>
 #include <io.h>
@@ -74,6 +69,9 @@ static struct {
     int failures;                           /* of it */
     uint64_t seed, checksum, cases, rays;
     bool big, no_gpu, any_gpu;
+    size_t scale;                           /* where programs are slow, under sanitizers and emulators: divides the sizes of big builds and of many
+                                               rays (never of a case in the checksum); and where it is not 1, one in five ways to trace is
+                                               tried, by turns */
 } rtt;
 
 /* Notes a failure; only the first few of a test are printed. */
@@ -1214,7 +1212,7 @@ static void rtt_compare_ways(const char *what, const rt_accel *accel, const rtt_
     size_t calls = rtt_heap.calls, wrong = 0;
     rt_info info;
 
-    if (RTT_SCALE > 1 && every < 5)
+    if (rtt.scale > 1 && every < 5)
         every = 5;
     rt_get_info(accel, &info);
     for (size_t w = 0; w < rtt_way_count; w++) {
@@ -2685,7 +2683,7 @@ static void rtt_check_closed(const char *what, const rtt_model *model, const rtt
         rtt_segment(&sample, rays->ray[i].org, rays->ray[i].dir, rays->ray[i].tmin, rays->ray[i].tmax);
     rtt_check(what, model, &sample);
     if (part.count > 30000)
-        part.count /= RTT_SCALE;
+        part.count /= rtt.scale;
     rtt_check_no_leak(what, model, &part);
     rtt_rays_free(&sample);
 }
@@ -3104,7 +3102,7 @@ static void rtt_test_parallel(void)
 
     for (size_t s = 0; s < RTT_COUNT(sizes); s++)
         for (int kind = 0; kind < 2 * RT_STRUCTURE_COUNT; kind++) {
-            size_t n = sizes[s] > 10000 ? sizes[s] / RTT_SCALE : sizes[s];
+            size_t n = sizes[s] > 10000 ? sizes[s] / rtt.scale : sizes[s];
             rtt_model model = { 0 };
             rt_build_options options;
             rt_geometry geometry;
@@ -3249,7 +3247,7 @@ static void rtt_test_layouts(void)
 /* A million triangles: memory within what the header says, all given back; then a million that are one and the same. */
 static void rtt_test_million(void)
 {
-    const size_t n = (rtt.big ? (size_t)10000000 : 1000000) / RTT_SCALE;
+    const size_t n = (rtt.big ? (size_t)10000000 : 1000000) / rtt.scale;
     float *vertices = (float *)rtt_array(9 * n, sizeof *vertices);
     static const float one[9] = { -1, -1, 0, 1, -1, 0, 0, 1, 0 };
     double seconds[2];
@@ -3344,13 +3342,13 @@ static void rtt_test_reinsertion(void)
     rt_info info;
     rt_hit *want;
 
-    for (int i = 0; i < 20000 / RTT_SCALE; i++) {
+    for (size_t i = 0; i < 20000 / rtt.scale; i++) {
         rt_vec3 a = rtt_point(&random, rtt_origin, 1), along = rtt_v(0, 0, 0);
 
         *(i % 3 == 0 ? &along.x : i % 3 == 1 ? &along.y : &along.z) = 1;
         rtt_face(&model, a, rtt_add(a, along), rtt_add(a, rtt_point(&random, rtt_origin, 0.01f)));
     }
-    rtt_cloud(&model, &random, 20000 / RTT_SCALE, rtt_origin, 1, 0.01f);
+    rtt_cloud(&model, &random, 20000 / rtt.scale, rtt_origin, 1, 0.01f);
     rtt_balls(&model, &random, 2000, rtt_origin, 1, 0.02f);
     geometry = rtt_geometry(&model);
     memset(&options, 0, sizeof options);
@@ -4826,7 +4824,7 @@ static void rtt_test_crowds(void)
 {
     rtt_random random = rtt_stream();
 
-    for (int round = 0; round < 600 / RTT_SCALE; round++) {
+    for (int round = 0; round < (int)(600 / rtt.scale); round++) {
         const float scale = round % 2 ? 1 : rtt_f(powf(10, rtt_f(rtt_f(14 * rtt_signed(&random)) * (round % 8 == 4 ? 1 : 0.5f))));
         const float away = round % 4 < 2 ? 0 : rtt_f(rtt_f(scale * powf(10, rtt_f(2.5f + 2.5f * rtt_signed(&random)))) * rtt_signed(&random));
         const rt_vec3 middle = rtt_v(away, away, away), view = rtt_point(&random, rtt_origin, 1);
@@ -6049,7 +6047,7 @@ static void rtt_test_raster_memory(void)
     rt_raster *r;
     rt_raster_info info;
 
-    for (int i = 0; i < 50000 / RTT_SCALE; i++)
+    for (size_t i = 0; i < 50000 / rtt.scale; i++)
         rtt_face(&filling, rtt_v(-10, -10, rtt_signed(&random)), rtt_v(10, -10, rtt_signed(&random)), rtt_v(0, 20, rtt_signed(&random)));
     geometry = rtt_geometry(&filling);
     memset(&options, 0, sizeof options);
@@ -11354,6 +11352,7 @@ int main(int argc, char **argv)
     setenv("POCL_SIGFPE_HANDLER", "0", 1);  /* else programs go on after a division by zero */
     setvbuf(stdout, NULL, _IOLBF, 0);       /* a crash loses no line */
     rtt.seed = 1;
+    rtt.scale = 1;
     rtt.test = "start";
     for (int i = 1; i < argc; i++)
         if (strcmp(argv[i], "--list") == 0) {
@@ -11362,6 +11361,8 @@ int main(int argc, char **argv)
             return 0;
         } else if (strcmp(argv[i], "--seed") == 0 && i + 1 < argc)
             rtt.seed = strtoull(argv[++i], NULL, 0);
+        else if (strcmp(argv[i], "--scale") == 0 && i + 1 < argc && strtoul(argv[i + 1], NULL, 10) > 0)
+            rtt.scale = strtoul(argv[++i], NULL, 10);
         else if (strcmp(argv[i], "--big") == 0)
             rtt.big = true;
         else if (strcmp(argv[i], "--no-gpu") == 0)
@@ -11371,7 +11372,7 @@ int main(int argc, char **argv)
         else if (strcmp(argv[i], "--without") == 0 && i + 1 < argc && withouts < (int)RTT_COUNT(without))
             without[withouts++] = argv[++i];
         else if (argv[i][0] == '-') {
-            fprintf(stderr, "usage: %s [--list] [--seed N] [--big] [--no-gpu | --any-gpu] [--without NAME]... [NAME]...\n", argv[0]);
+            fprintf(stderr, "usage: %s [--list] [--seed N] [--scale N] [--big] [--no-gpu | --any-gpu] [--without NAME]... [NAME]...\n", argv[0]);
             return 2;
         } else
             argv[1 + filters++] = argv[i];
