@@ -140,6 +140,7 @@ matrix:
 	$(call need,x86_64-w64-mingw32-gcc-posix,gcc-mingw-w64-x86-64-posix)
 	$(call need,wine,--no-install-recommends wine wine64)
 	$(call need,emcc,--no-install-recommends emscripten)
+	$(call need,valgrind,valgrind)
 	sh tests/matrix.sh $(MATRIX)
 
 clean:

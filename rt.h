@@ -49,10 +49,23 @@
 
    LIFETIME AND THREADS
 
-     rt_build copies what queries need (unless opt->reference), so the caller's arrays may go when it returns. An accel that is
-     instanced must outlive the accels that instance it. Queries allocate nothing, cannot fail, and may run on one accel
-     from any number of threads. rt_build, rt_refit and rt_free of one accel are for one thread at a time. The library starts no
-     thread, prints nothing, opens no file, and has no mutable global but the one-time processor check.
+     What must stay as it is, and for how long; all else may go when the call returns:
+
+       rt_accel      with opt->reference the vertices, indices and spheres that it was built from, or last refitted to, until rt_free. Each accel
+                     that it instances, until rt_free of it; refit or rebuild it after those. memory_user, until rt_free
+       rt_raster     all of its geometry and the accels that this instances, until rt_raster_free; memory_user
+       rt_scene      accel, geometry and every array, texture and part it points to, while a call runs that is given it. With opt->raster what
+                     that needs too
+       rt_texture    its levels, likewise
+       options       while the call runs, with what they point to: error, stats and times too
+       RT_STATIC     an accel belongs to the copy of the library that built it, and to its RT_NO_*
+
+     Queries (rt_intersect to rt_spawn_origin, rt_raster_tile, rt_render_tile, rt_get_info and rt_instance_transform) allocate nothing and may run on
+     one accel from any number of threads; they fail for misuse alone. Calls that change an accel, rt_refit and rt_free, are for one thread, while no
+     query runs on it or on what instances it. Builds of different accels may run side by side. The library starts no thread,
+     prints nothing, opens no file, and has no mutable global but MSVC's one-time processor check.
+     Where a comment does not say otherwise: angles are in degrees, lengths in the caller's units, times in [0,1]; a pointer is not kept
+     and must not be NULL; a call takes time O(1), a ray O(log n) in most scenes.
 
    MEMORY
 
@@ -68,6 +81,24 @@
      read 8 KiB and all tests together 20 KiB: that stays in a first-level cache of 32 KiB. Of one of 32 x 32 only the former do, with 33
      KiB, in one of 48.
 
+   WHAT GOES WITH WHAT
+
+     Everything, but for these:
+
+       rt_refit              RT_BVH, RT_THREADED
+       opt->reference        vertices, indices and spheres; instances and planes are copied in any case
+       infinite planes       not in an accel that is instanced; discs are
+       motion                of instances; rt_trace and rt_trace_arrays with opt->times, rt_render_tile with lens.open and close. Others see time 0
+       instances             show accels of any structure, whatever traces the outermost: inside another structure than its own an algorithm goes
+                             on as SIMD rays or single ones (kd.stack in k-d trees), with the same hits
+       opt->bounds, orders, branching, throw_back     RT_THREADED
+       opt->no_wide          leaves no RT_BVH_WIDE; opt->no_backtrack no RT_KD_BACKTRACK
+       opt->cull             RT_BVH_MASKED, RT_BVH_RANGED, RT_BVH_PARTITION
+       opt->short_stack      RT_KD_SHORTSTACK
+       opt->stats            all; RT_AUTO then does not try by the clock, and takes crowds, or large packets
+       rt_raster             pinhole, RT_SAMPLER_AUTO, RT_FILTER_BOX; no lens, no shutter
+       opt->counts           not with RT_SAMPLER_AUTO
+
    MACROS, each defined before the include
 
        RT_IMPLEMENTATION    emit the code here (one file of the program)
@@ -77,13 +108,18 @@
        RT_ASSERT(x)         misuse by the programmer; default assert()
        RT_SELF              the name this file includes itself by; default "rt.h"
        RT_NO_SIMD           plain C only: 4-wide packets in scalar code; same hits, slower
-       RT_NO_KDTREE         leave out RT_KDTREE and its algorithms
-       RT_NO_PACKETS        leave out every form with packets, and RT_BVH_WIDE, which needs the same SIMD
-       RT_NO_THREADED       leave out RT_THREADED and its algorithms
-       RT_NO_SPHERES, RT_NO_INSTANCES, RT_NO_PLANES   leave these primitives out of rt_geometry and of the code
-       RT_NO_STATS          leave out rt_stats
-       RT_NO_SAMPLING       leave out samplers, and of the renderer what they serve: lens, shutter, area lights, gloss
-       RT_NO_SHADING        leave out cameras, rasterised eye rays, materials, textures and the renderer
+       macro        KB of code less, of 557 (gcc 12 -Os; make matrix)
+       RT_NO_BVH        251 leave out RT_BVH and its algorithms; rt_build_options.structure must then be set
+       RT_NO_KDTREE      85 leave out RT_KDTREE and its algorithms
+       RT_NO_THREADED    99 leave out RT_THREADED and its algorithms
+       RT_NO_PACKETS    405 leave out every form with packets, and RT_BVH_WIDE, which needs the same SIMD
+       RT_NO_SPHERES     10 leave spheres out of rt_geometry and of the code,
+       RT_NO_INSTANCES   56 instances, and motion with them,
+       RT_NO_PLANES      10 planes and discs
+       RT_NO_STATS      109 leave out rt_stats
+       RT_NO_SAMPLING    10 leave out samplers, and of the renderer what they serve: lens, shutter, area lights, gloss
+       RT_NO_SHADING     69 leave out cameras, rasterised eye rays, materials, textures and the renderer
+     All but one structure, single rays and triangles: 24 KB are left. In any combination; of the structures one must stay.
      The RT_NO_* of types (SPHERES, INSTANCES, PLANES, STATS, SAMPLING) change structs: define them alike in every file that includes
      this one.
 
@@ -9268,7 +9304,11 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_cover_queue RTI_NAME_(rti_cover_queue)
 #define rti_cover RTI_NAME_(rti_cover)
 #if RTI_IN(HOST)
+#if RTI_LANES == RTI_LANES_ARRAY            /* a loop for each operation: too long to be everywhere with -Os */
+#define RTI_FN RTI_INLINE RTI_TARGET
+#else
 #define RTI_FN RTI_HOT RTI_TARGET
+#endif
 #define RTI_ALL_LANES ((1u << RTI_WIDTH) - 1)
 
 #if RTI_LANES == RTI_LANES_FLOAT

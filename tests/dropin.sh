@@ -68,6 +68,14 @@ names "static exports" "see_other T" -g --defined-only $dir/static_other.o
 try "static" $cc $dir/static.o $dir/static_other.o -o $dir/static $libs
 try "static" $dir/static
 
+# each structure alone, single rays and packets, and all of them
+for others in "" "-DRT_NO_KDTREE -DRT_NO_THREADED" "-DRT_NO_BVH -DRT_NO_THREADED" "-DRT_NO_BVH -DRT_NO_KDTREE" "-DRT_NO_BVH -DRT_NO_KDTREE -DRT_NO_PACKETS"; do
+    try "structures" $cc -std=c99 $warn -O0 -DRT_NO_SHADING -DRT_NO_STATS $others $from/structures.c -o $dir/structures $libs
+    try "structures $others" sh -c "$dir/structures >$dir/sum"
+    test -n "$others" || cp $dir/sum $dir/sum_of_all
+    try "structures $others: the same hits" cmp $dir/sum $dir/sum_of_all
+done
+
 # an allocator and assertions of one's own
 try "hooks_code" $cc -std=c99 $warn -DRT_NO_PACKETS -O0 -c $from/hooks_code.c -o $dir/hooks_code.o
 try "hooks" $cc -std=c99 $warn -O1 -c $from/hooks.c -o $dir/hooks.o
