@@ -144,21 +144,7 @@ hits() {
     sum=${want:-$sum}
 }
 
-# Less what starts compilers and programs, which part 1 and make test do. C++ is read by part 1, and run by tests/dropin.sh.
-part_3() {
-    echo "3. the hits of rt_test"
-    sum=
-    native="-O3 -march=native -ffp-contract=fast"
-    for compiler in gcc clang; do
-        for flags in "-std=c99 -O0" "-std=c11 -O2" "-std=c17 $native" "-std=gnu17 $native" "-std=c99 -O2 -DRT_NO_SIMD" "-std=gnu17 $native -DRT_NO_SIMD"; do
-            $compiler $flags $warn -I. tests/rt_test.c -o $dir/rt_test -lm -lpthread || { fail "$compiler $flags does not build"; continue; }
-            case $flags in *NO_SIMD) isa=scalar ;; *) isa= ;; esac
-            hits "$compiler $flags" "$sum" "$isa" $dir/rt_test --scale 8 --no-gpu --without programs.
-        done
-    done
-}
-
-# What runs elsewhere leaves out gpu., the OpenCL of this machine, and programs., which start compilers and programs of this machine.
+# The tests of parts 3 and 4. All leave out gpu., the OpenCL of this machine, and programs., which start compilers and programs of this machine.
 #   most  all others, less the longest, which are of no processor in particular: raster.ugly, raster.huge and kdtree.planes
 #   few   where floats are emulated, 30 to 100 times slower: geometry of every kind and size, structures pinned to their bytes, samplers,
 #         textures and all loaders; no pictures, and none of the tests with many random rays, of which
@@ -168,6 +154,21 @@ few="--no-gpu oracle status hits.empty hits.sphere-start hits.short ground.bad m
      instances.bad instances.paths instances.transform rays.intervals rays.arrays refit.errors build.pinned build.layouts options
      textures.levels textures.check sampling.golden shading.math shading.camera loaders."
 some="$few hits. rays. instances.deep watertight.grid build.parallel threads"
+
+# C++ is read by part 1, and run by tests/dropin.sh.
+part_3() {
+    echo "3. the hits of rt_test"
+    sum=
+    native="-O3 -march=native -ffp-contract=fast"
+    for compiler in gcc clang; do
+        for flags in "-std=c99 -O0" "-std=c11 -O2" "-std=c17 $native" "-std=gnu17 $native" "-std=c99 -O2 -DRT_NO_SIMD" "-std=gnu17 $native -DRT_NO_SIMD"; do
+            $compiler $flags $warn -I. tests/rt_test.c -o $dir/rt_test -lm -lpthread || { fail "$compiler $flags does not build"; continue; }
+            case $flags in *NO_SIMD) isa=scalar ;; *) isa= ;; esac
+            hits "$compiler $flags" "$sum" "$isa" $dir/rt_test --scale 8 $most
+        done
+    done
+}
+
 wasm="-pthread -sENVIRONMENT=node,worker -sPROXY_TO_PTHREAD -sPTHREAD_POOL_SIZE=10 -sEXIT_RUNTIME -sSINGLE_FILE -sINITIAL_MEMORY=1GB"
 # Debian's emscripten looks for its modules where only Debian's node does
 export NODE_PATH="${NODE_PATH:-/usr/share/nodejs}" WINEPREFIX="$PWD/$dir/wine" WINEDEBUG=-all
