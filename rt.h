@@ -25,7 +25,7 @@
 
        declarations    >>config   >>types     >>status   >>geometry  >>build   >>query   >>sampling-api
                        >>camera-api           >>raster-api           >>texture-api       >>shading-api
-       implementation  >>platform >>memory    >>math     >>layout    >>instance >>validate >>refs    >>bins    >>bvh
+       implementation  >>platform >>memory    >>math     >>layout    >>instance >>validate >>refs    >>accel   >>bins    >>bvh
                        >>collapse >>kdtree   >>slots     >>threaded >>build-any >>refit    >>info      >>ray      >>frustum  >>tiles    >>surfaces
                        >>passes   >>algorithms >>public  >>leaving >>sampling >>camera   >>raster   >>texture  >>shading  >>render
        one pass a SIMD width (this file includes itself)  >>wide   >>boxes    >>primitives  >>traverse  >>single  >>walk     >>large    >>crowds
@@ -58,14 +58,14 @@
                      that needs too
        rt_texture    its levels, likewise
        options       while the call runs, with what they point to: error, stats and times too
-       RT_STATIC     an accel belongs to the copy of the library that built it, and to its RT_NO_*
+       code          an accel belongs to the copy of the library that built it: it is of that one's RT_NO_*, and points into its code
 
      Queries (rt_intersect to rt_spawn_origin, rt_raster_tile, rt_render_tile, rt_get_info and rt_instance_transform) allocate nothing and may run on
      one accel from any number of threads; they fail for misuse alone. Calls that change an accel, rt_refit and rt_free, are for one thread, while no
-     query runs on it or on what instances it. Builds of different accels may run side by side. The library starts no thread,
+     query runs on it or on what instances it, and nothing that instances it is built or refitted. Other builds may run side by side. The library starts no thread,
      prints nothing, opens no file, and has no mutable global but MSVC's one-time processor check.
      Where a comment does not say otherwise: angles are in degrees, lengths in the caller's units, times in [0,1]; a pointer is not kept
-     and must not be NULL; a call takes time O(1), a ray O(log n) in most scenes.
+     and must not be NULL; a ray takes time O(log n) in most scenes.
 
    MEMORY
 
@@ -91,12 +91,12 @@
        motion                of instances; rt_trace and rt_trace_arrays with opt->times, rt_render_tile with lens.open and close. Others see time 0
        instances             show accels of any structure, whatever traces the outermost: inside another structure than its own an algorithm goes
                              on as SIMD rays or single ones (kd.stack in k-d trees), with the same hits
-       opt->bounds, orders, branching, throw_back     RT_THREADED
+       opt->bounds, orders, branching, throw_back     RT_THREADED; empty_bonus, max_duplication: RT_KDTREE
        opt->no_wide          leaves no RT_BVH_WIDE; opt->no_backtrack no RT_KD_BACKTRACK
        opt->cull             RT_BVH_MASKED, RT_BVH_RANGED, RT_BVH_PARTITION
        opt->short_stack      RT_KD_SHORTSTACK
-       opt->stats            all; RT_AUTO then does not try by the clock, and takes crowds, or large packets
-       rt_raster             pinhole, RT_SAMPLER_AUTO, RT_FILTER_BOX; no lens, no shutter
+       opt->stats            all; RT_AUTO then does not try by the clock: it takes crowds, without wide nodes large packets, for RT_ANY SIMD rays
+       opt->raster           of the same geometry, camera and size; RT_SAMPLER_AUTO, RT_FILTER_BOX, no lens, no shutter
        opt->counts           not with RT_SAMPLER_AUTO
 
    MACROS, each defined before the include
@@ -119,7 +119,7 @@
        RT_NO_STATS      109 leave out rt_stats
        RT_NO_SAMPLING    10 leave out samplers, and of the renderer what they serve: lens, shutter, area lights, gloss
        RT_NO_SHADING     69 leave out cameras, rasterised eye rays, materials, textures and the renderer
-     All but one structure, single rays and triangles: 24 KB are left. In any combination; of the structures one must stay.
+     Of RT_BVH, single rays and triangles alone 24 KB are left, of another structure 31. In any combination; of the structures one must stay.
      The RT_NO_* of types (SPHERES, INSTANCES, PLANES, STATS, SAMPLING) change structs: define them alike in every file that includes
      this one.
 
@@ -333,12 +333,13 @@ typedef struct {
     rt_vec3 lower, upper;                   /* bounds, but for infinite planes; lower > upper when empty */
 } rt_info;
 
+/* O(n). */
 RT_API void rt_get_info(const rt_accel *accel, rt_info *info);
 
 #ifndef RT_NO_INSTANCES
 /* The composed object-to-world transform (3x4, row by row) and the matrix for its normals (3x3, inverse transpose, not
    normalised) of the instance a hit names. inst RT_NONE: the identity. Either output may be NULL. False: no such instance, or
-   normal is asked for and does not fit in floats. */
+   normal is asked for and does not fit in floats. O(log instances) a level. */
 RT_API bool rt_instance_transform(const rt_accel *accel, uint32_t inst, float transform[12], float normal[9]);
 
 /* The same at a time in [0,1], where instances of the path move. rt_instance_transform is at time 0. */
@@ -599,7 +600,7 @@ typedef struct {
 
 /* An image's levels: itself, then halved again and again down to 1 x 1, each the mean of what it stands for. */
 RT_API size_t rt_count_texture_levels(int width, int height);       /* rt_vec3s in all levels together; 0: not 1 to 2^14 */
-RT_API void rt_make_texture_levels(const rt_vec3 *pixels, int width, int height, rt_vec3 *levels);      /* pixels: rows from the top */
+RT_API void rt_make_texture_levels(const rt_vec3 *pixels, int width, int height, rt_vec3 *levels);      /* pixels: rows from the top; O(pixels) */
 
 /* ---- >>shading-api -------------------------------------------------------------------------------------------------- */
 
@@ -907,7 +908,7 @@ RTI_INLINE double rti_keep(double x) { return rti_round(x); }
 #define RTI_TARGET_AVX2
 #endif
 
-#if defined(_WIN64) && defined(__GNUC__) && !defined(__clang__)
+#if (defined(_WIN64) || (defined(__CYGWIN__) && defined(__x86_64__))) && defined(__GNUC__) && !defined(__clang__)
 /* There the stack is aligned to 16 bytes, and gcc keeps 32 byte vectors on it as if to 32 (its bug 54412): they crash by chance. */
 static bool rti_has_avx2(void) { return false; }
 #elif !RTI_MSVC
@@ -5391,7 +5392,7 @@ struct rti_job {
     rt_cull cull;                           /* and by what they are culled */
     const float *times;                     /* one a ray, or NULL */
     bool wide;                              /* RT_BVH_WIDE, where an accel has wide nodes: single rays, or packets with side > 1 */
-    bool single;                            /* of rt_accel.single_jobs */
+    bool single;                            /* of rt_accel.single_jobs: rti_batch may take single_walks */
     rti_tuner *tuner;                       /* of RT_AUTO: what is known of rays like these; NULL: nothing yet */
     const rt_ray_arrays *from;              /* rt_trace_arrays: in the place of rays and hits */
     const rt_hit_arrays *to;
@@ -5946,6 +5947,7 @@ static void rti_set_single(rt_accel *accel)
 #endif
 #endif
 #undef RTI_SINGLE
+        RT_ASSERT(accel->single_walks[query]);
     }
 }
 

@@ -262,6 +262,7 @@ int main(int argc, char **argv)
         make_rays(j.accel);
     }
     measured(&j);
+    if (!j.accel) return fprintf(stderr, "leave_out: not built\n"), 1;
     {
         uint64_t sum = 0;
         size_t i;
