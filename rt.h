@@ -62,8 +62,8 @@
 
      Queries (rt_intersect to rt_spawn_origin, rt_raster_tile, rt_render_tile, rt_get_info and rt_instance_transform) allocate nothing and may run on
      one accel from any number of threads; they fail for misuse alone. Calls that change an accel, rt_refit and rt_free, are for one thread, while no
-     query runs on it or on what instances it, and nothing that instances it is built or refitted. Other builds may run side by side. The library starts no thread,
-     prints nothing, opens no file, and has no mutable global but MSVC's one-time processor check.
+     query runs on it or on what instances it, and nothing that instances it is built or refitted. Other builds may run side by side. The library
+     starts no thread, prints nothing, opens no file, and has no mutable global but MSVC's one-time processor check.
      Where a comment does not say otherwise: angles are in degrees, lengths in the caller's units, times in [0,1]; a pointer is not kept
      and must not be NULL; a ray takes time O(log n) in most scenes.
 
