@@ -1255,12 +1255,13 @@ typedef struct {
 
 typedef struct rti_job rti_job;
 typedef void (*rti_batch_function)(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits);
+typedef void (*rti_any_walker)(void);       /* an rti_walker of some pass */
 
 struct rt_accel {
     rt_structure structure;
     rti_batch_function single;              /* what traces a single ray, */
     const rti_job *single_jobs;             /* by query, */
-    void (*single_walks[2])(void);          /* and, as rti_walker of its pass, what that walks the tree by: all as fits what the accel has */
+    rti_any_walker single_walks[2];         /* and, of its pass, what that walks the tree by: all as fits what the accel has */
     rti_node *nodes;                        /* RT_BVH: node_count of them, the root first; none when empty */
 #if RTI_WIDES
     rti_wide *wides;                        /* the same tree for RT_BVH_WIDE, in wide_memory; NULL with opt->no_wide */
@@ -9206,7 +9207,6 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_walker RTI_NAME_(rti_walker)
 #define rti_walker_of RTI_NAME_(rti_walker_of)
 #define rti_single_walk RTI_NAME_(rti_single_walk)
-#define rti_single_walker RTI_NAME_(rti_single_walker)
 #define rti_wide_root_closest RTI_NAME_(rti_wide_root_closest)
 #define rti_wide_root_any RTI_NAME_(rti_wide_root_any)
 #define rti_walk_nothing RTI_NAME_(rti_walk_nothing)
@@ -11554,8 +11554,7 @@ RTI_FN rti_walker rti_walker_of(const rt_accel *accel, const rti_job *job)
 }
 
 /* For rt_accel.single_walks. */
-typedef void (*rti_single_walker)(void);
-RTI_NOINLINE RTI_TARGET rti_single_walker rti_single_walk(const rt_accel *accel, const rti_job *job) { return (rti_single_walker)rti_walker_of(accel, job); }
+RTI_NOINLINE RTI_TARGET rti_any_walker rti_single_walk(const rt_accel *accel, const rti_job *job) { return (rti_any_walker)rti_walker_of(accel, job); }
 
 RTI_NOINLINE RTI_TARGET unsigned rti_walk(const rt_accel *accel, rti_packet *p, unsigned live, uint32_t inst, const rti_job *job)
 {
@@ -13848,7 +13847,6 @@ RTI_NOINLINE RTI_TARGET void rti_aim(rti_surfaces *s, size_t count, const rt_vec
 #undef rti_walker
 #undef rti_walker_of
 #undef rti_single_walk
-#undef rti_single_walker
 #undef rti_wide_root_closest
 #undef rti_wide_root_any
 #undef rti_walk_nothing
