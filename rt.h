@@ -297,6 +297,8 @@ typedef struct {
                                                its parent ([Lohr] 4: pathological ones are thrown back); 0 = the best measured, negative: none */
     bool no_wide;                           /* RT_BVH: leave out what only RT_BVH_WIDE reads. RT_AUTO does without: for single rays it takes
                                                RT_BVH_STACK, for many RT_BVH_RANGED or RT_BVH_SIMD */
+    bool no_binary;                         /* RT_BVH: keep only what RT_BVH_WIDE reads, half of a BVH: it, RT_AUTO, rt_intersect and rt_occluded
+                                               are left, and rt_refit. Instances of it are for accels built so too. Not with no_wide */
     bool no_backtrack;                      /* RT_KDTREE: leave out the parent links and boxes that only RT_KD_BACKTRACK reads */
     rt_parallel_for parallel_for;           /* NULL: build on this thread. The tree is the same, bit for bit */
     void *parallel_user;
@@ -1262,7 +1264,7 @@ struct rt_accel {
     rti_batch_function single;              /* what traces a single ray, */
     const rti_job *single_jobs;             /* by query, */
     rti_any_walker single_walks[2];         /* and, of its pass, what that walks the tree by: all as fits what the accel has */
-    rti_node *nodes;                        /* RT_BVH: node_count of them, the root first; none when empty */
+    rti_node *nodes;                        /* RT_BVH: node_count of them, the root first; none when empty, or with opt->no_binary: see rti_only_wide */
 #if RTI_WIDES
     rti_wide *wides;                        /* the same tree for RT_BVH_WIDE, in wide_memory; NULL with opt->no_wide */
     rti_octet *octets;                      /* likewise; NULL with opt->reference */
@@ -1327,6 +1329,21 @@ RTI_INLINE double rti_node_area(const rti_node *node)
     return rti_half_area(&box);
 }
 
+#if RTI_WIDES
+/* Of all children: where there is none, its box upside down adds nothing. */
+static rti_box rti_wide_bounds(const rti_wide *wide)
+{
+    rti_box box = rti_empty_box;
+    int i, k;
+    for (k = 0; k < 3; k++)
+        for (i = 0; i < RTI_CHILDREN; i++) {
+            if (wide->bounds[k][i] < box.lo[k]) box.lo[k] = wide->bounds[k][i];
+            if (wide->bounds[3 + k][i] > box.hi[k]) box.hi[k] = wide->bounds[3 + k][i];
+        }
+    return box;
+}
+#endif
+
 RTI_INLINE int rti_leaf_kind(const rti_node *node) { return (int)(node->count >> RTI_KIND_SHIFT); }
 RTI_INLINE uint32_t rti_leaf_count(const rti_node *node) { return node->count & RTI_COUNT_MASK; }
 
@@ -1360,6 +1377,9 @@ RTI_INLINE size_t rti_plane_count(const rt_geometry *geo)
 
 /* Primitives that a tree can hold: all but planes, whose numbers follow. */
 RTI_INLINE size_t rti_tree_count(const rt_geometry *geo) { return geo->triangle_count + rti_sphere_count(geo) + rti_instance_count(geo); }
+
+/* Is its tree one of wide nodes alone, with no binary one? Then node_count counts those. */
+RTI_INLINE bool rti_only_wide(const rt_accel *accel) { return RTI_WIDES && accel->structure == RT_BVH && accel->node_count && !accel->nodes; }
 
 /* Can nothing be hit? */
 RTI_INLINE bool rti_is_empty(const rt_accel *accel)
@@ -1770,6 +1790,45 @@ static bool rti_kd_validate(const rt_accel *accel)
 static bool rti_threaded_validate(const rt_accel *accel);
 #endif
 
+#if RTI_WIDES
+/* Every wide node and octet once, in the box that its parent has of it; as many primitives as there are. */
+static bool rti_wide_validate(const rt_accel *accel)
+{
+    size_t inner = 1, octets = 0, seen[RTI_KINDS] = { 0, 0, 0 }, w;
+    int i, j, k;
+    for (w = 0; w < accel->wide_count; w++)
+        for (i = 0; i < RTI_CHILDREN; i++) {
+            const rti_wide *wide = &accel->wides[w];
+            const uint32_t index = wide->index[i], kind = wide->count[i] >> RTI_KIND_SHIFT, count = wide->count[i] & RTI_COUNT_MASK;
+            rti_box box = rti_empty_box;
+            if (kind == RTI_KINDS) continue;
+            if (kind > RTI_KINDS) return false;
+            if (!wide->count[i]) {
+                if (index <= w || index >= accel->wide_count) return false;
+                box = rti_wide_bounds(&accel->wides[index]);
+                inner++;
+            } else if (kind == RTI_TRIANGLE && accel->octets) {
+                const rti_octet *octet = &accel->octets[index];
+                if (index >= accel->octet_count || count < 1 || count > RTI_CHILDREN) return false;
+                for (j = 0; j < RTI_CHILDREN; j++) {
+                    if (j >= (int)count && octet->prim[j] != octet->prim[0]) return false;
+                    for (k = 0; k < 9; k++) {
+                        if (octet->v[k][j] < box.lo[k % 3]) box.lo[k % 3] = octet->v[k][j];
+                        if (octet->v[k][j] > box.hi[k % 3]) box.hi[k % 3] = octet->v[k][j];
+                    }
+                }
+                octets++;
+            } else if (!count || (size_t)index + count > accel->slots[kind]) return false;
+            for (k = 0; k < 3; k++)
+                if (box.lo[k] < wide->bounds[k][i] || box.hi[k] > wide->bounds[3 + k][i]) return false;
+            seen[kind] += count;
+        }
+    for (k = 0; k < RTI_KINDS; k++)
+        if (seen[k] != accel->slots[k]) return false;
+    return inner == accel->wide_count && (!accel->octets || octets == accel->octet_count);
+}
+#endif
+
 /* Walks the tree and checks every invariant the traversals rely on; the tests call it after each build and refit. */
 RTI_NOINLINE bool rti_validate(const rt_accel *accel)
 {
@@ -1782,6 +1841,10 @@ RTI_NOINLINE bool rti_validate(const rt_accel *accel)
 #endif
 #if RTI_THREADED
     if (accel->structure == RT_THREADED) return rti_threaded_validate(accel);
+#endif
+#if RTI_WIDES
+    if (accel->wides && !rti_wide_validate(accel)) return false;
+    if (rti_only_wide(accel)) return true;
 #endif
     stack[top].node = 0;
     stack[top++].depth = 0;
@@ -1904,6 +1967,13 @@ static void rti_set_root(rt_accel *accel)
         accel->lower[k] = accel->nodes ? accel->nodes[0].bounds[k] : RTI_INFINITY;
         accel->upper[k] = accel->nodes ? accel->nodes[0].bounds[3 + k] : -RTI_INFINITY;
     }
+#if RTI_WIDES
+    if (rti_only_wide(accel)) {
+        const rti_box box = rti_wide_bounds(&accel->wides[0]);
+        memcpy(accel->lower, box.lo, sizeof accel->lower);
+        memcpy(accel->upper, box.hi, sizeof accel->upper);
+    }
+#endif
 }
 
 /* Slot contents from geo; prim ids are in place. */
@@ -2079,8 +2149,8 @@ static void rti_free_accel(rt_accel *accel)
     rti_release(accel, user);
 }
 
-/* Names every instance: base_0 = 0, base_(j+1) = base_j + 1 + paths(child_j). */
-static rt_status rti_number_instances(rt_accel *accel, const rt_geometry *geo, rt_error *error)
+/* Names every instance: base_0 = 0, base_(j+1) = base_j + 1 + paths(child_j). wide: may they show accels of wide nodes alone? */
+static rt_status rti_number_instances(rt_accel *accel, const rt_geometry *geo, bool wide, rt_error *error)
 {
 #if RTI_INSTANCES
     uint64_t next = 0;
@@ -2097,12 +2167,15 @@ static rt_status rti_number_instances(rt_accel *accel, const rt_geometry *geo, r
         if (child && child->nesting + 1 > RT_MAX_NESTING)
             return rti_fail(error, RT_ERROR_LIMIT, (uint32_t)(geo->triangle_count + rti_sphere_count(geo) + i),
                             "instance %lu nests deeper than RT_MAX_NESTING (%d)", (unsigned long)i, RT_MAX_NESTING);
+        if (child && rti_only_wide(child) && !wide)
+            return rti_fail(error, RT_ERROR_ARGUMENT, (uint32_t)(geo->triangle_count + rti_sphere_count(geo) + i),
+                            "instance %lu shows an accel built with no_binary: what holds it must be a bvh built so too", (unsigned long)i);
         next += 1 + (child ? (uint64_t)child->paths : 0);
         if (next >= RT_NONE) return rti_fail(error, RT_ERROR_LIMIT, RT_NONE, "more paths through nested instances than 32 bits can number");
     }
     accel->paths = (uint32_t)next;
 #else
-    (void)accel, (void)geo, (void)error;
+    (void)accel, (void)geo, (void)wide, (void)error;
 #endif
     return RT_OK;
 }
@@ -3486,6 +3559,21 @@ static void rti_fill_wides(void *context, size_t chunk)
     for (i = first; i < first + (left < size ? left : size); i++) rti_fill_wide(job, &job->collapse->plans[i], &job->accel->wides[i]);
 }
 
+/* opt->no_binary: what only other algorithms read. */
+static void rti_drop_binary(rt_accel *accel, const rti_collapse *c)
+{
+    accel->bytes -= accel->node_count * sizeof(rti_node);
+    rti_release(accel->nodes, accel->memory_user);
+    accel->nodes = NULL;
+    accel->node_count = c->wide_count;
+    accel->depth = (int)c->depth + 1;
+    if (accel->octets && accel->triangles) {
+        accel->bytes -= accel->slots[RTI_TRIANGLE] * sizeof(rti_triangle);
+        rti_release(accel->triangles, accel->memory_user);
+        accel->triangles = NULL;
+    }
+}
+
 static rt_status rti_build_wide(rt_accel *accel, const rt_build_options *opt)
 {
     const size_t line = 64, size = RTI_CHUNK / 32;  /* a line of the cache: nodes and octets start at one; wide nodes filled together */
@@ -3504,6 +3592,7 @@ static rt_status rti_build_wide(rt_accel *accel, const rt_build_options *opt)
             if (!opt->reference) accel->octets = (rti_octet *)(void *)(at + c.wide_count * sizeof(rti_wide));
             accel->bytes += bytes;
             rti_for(opt->parallel_for, opt->parallel_user, (c.wide_count + size - 1) / size, rti_fill_wides, &job);
+            if (opt->no_binary) rti_drop_binary(accel, &c);
         }
     }
     rti_end_collapse(&c, accel->memory_user);
@@ -4511,8 +4600,30 @@ out:
 
 /* ---- >>slots -------------------------------------------------------------------------------------------------------- */
 
+/* Are triangles in octets alone? Then those are the slots, some of them the same as others. */
+RTI_INLINE bool rti_only_octets(const rt_accel *accel)
+{
+#if RTI_WIDES
+    return accel->octets && !accel->triangles;
+#else
+    (void)accel;
+    return false;
+#endif
+}
+
+static size_t rti_slot_count(const rt_accel *accel, int kind)
+{
+#if RTI_WIDES
+    if (kind == RTI_TRIANGLE && rti_only_octets(accel)) return accel->octet_count * RTI_CHILDREN;
+#endif
+    return accel->slots[kind];
+}
+
 static uint32_t rti_slot_prim(const rt_accel *accel, int kind, size_t slot)
 {
+#if RTI_WIDES
+    if (kind == RTI_TRIANGLE && rti_only_octets(accel)) return accel->octets[slot / RTI_CHILDREN].prim[slot % RTI_CHILDREN];
+#endif
     if (kind == RTI_TRIANGLE) return accel->triangles ? accel->triangles[slot].prim : accel->triangle_ids[slot];
 #if RTI_SPHERES
     if (kind == RTI_SPHERE) return accel->balls ? accel->balls[slot].prim : accel->ball_ids[slot];
@@ -4904,6 +5015,10 @@ static rt_status rti_check_build_options(const rt_build_options *opt)
     if (RTI_KDTREE && opt->max_duplication != 0 && !(opt->max_duplication >= 1 && opt->max_duplication <= RTI_MAX_DUPLICATION))
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "max_duplication is %g: it must be 0 (as %d) or between 1 and %d",
                         (double)opt->max_duplication, RTI_DUPLICATION, RTI_MAX_DUPLICATION);
+    if (opt->structure == RT_BVH && opt->no_binary && opt->no_wide)
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "no_binary and no_wide together leave nothing of a bvh");
+    if (opt->structure == RT_BVH && opt->no_binary && !RTI_WIDES)
+        return rti_fail(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "no_binary keeps what bvh.wide reads, which is not built (RT_NO_PACKETS)");
     if (RTI_THREADED && (unsigned)opt->bounds >= RT_BOUNDS_COUNT)
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "bounds %d is none of rt_bounds", (int)opt->bounds);
     if (RTI_THREADED && opt->branching && (opt->branching < 2 || opt->branching > RT_MAX_BRANCHING))
@@ -4985,7 +5100,7 @@ RT_API rt_status rt_build(rt_accel **out, const rt_geometry *geo, const rt_build
 #if RTI_INSTANCES
     accel->geo.instances = NULL;            /* likewise */
 #endif
-    status = rti_number_instances(accel, geo, opt->error);
+    status = rti_number_instances(accel, geo, opt->structure == RT_BVH && opt->no_binary, opt->error);
     if (status == RT_OK) status = rti_build_tree_of(accel, geo, opt);
     if (status != RT_OK) {
         rti_free_accel(accel);
@@ -5059,7 +5174,7 @@ RT_API rt_status rt_refit_error(rt_accel *accel, const rt_geometry *geo, rt_erro
         return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "the counts differ from those accel was built from: build a new one");
 
     for (kind = 0; kind < RTI_KINDS; kind++)            /* look at everything before anything changes */
-        for (i = 0; i < accel->slots[kind]; i++) {
+        for (i = 0; i < rti_slot_count(accel, kind); i++) {
             uint32_t prim = rti_slot_prim(accel, kind, i);
             rti_box box;
             int prim_kind;
@@ -5083,11 +5198,14 @@ RT_API rt_status rt_refit_error(rt_accel *accel, const rt_geometry *geo, rt_erro
             return rti_fail(error, RT_ERROR_ARGUMENT, in->prim,
                             "instance %lu now shows an accel that is empty, nests otherwise or holds the one it is in: build a new one",
                             (unsigned long)number);
+        if (rti_only_wide(child) && !rti_only_wide(accel))
+            return rti_fail(error, RT_ERROR_ARGUMENT, in->prim, "instance %lu now shows an accel built with no_binary: build a new one so too",
+                            (unsigned long)number);
     }
 #endif
     if (accel->triangles)
         for (i = 0; i < accel->slots[RTI_TRIANGLE]; i++) rti_fill_triangle(&accel->triangles[i], geo);
-    else {
+    else if (accel->triangle_ids) {
         accel->geo.vertices = geo->vertices;
         accel->geo.indices = geo->indices;
     }
@@ -5115,7 +5233,7 @@ RT_API rt_status rt_refit_error(rt_accel *accel, const rt_geometry *geo, rt_erro
         return RT_OK;
     }
 #endif
-    for (i = accel->node_count; i-- > 0;) {             /* children stand behind their parents */
+    for (i = accel->nodes ? accel->node_count : 0; i-- > 0;) {              /* children stand behind their parents */
         rti_node *node = &accel->nodes[i];
         rti_box box;
         if (node->count) box = rti_leaf_box(accel, geo, node);
@@ -5204,6 +5322,33 @@ static void rti_bvh_info(const rt_accel *accel, rt_info *info)
 }
 #endif
 
+#if RTI_WIDES
+static void rti_wide_info(const rt_accel *accel, rt_info *info)
+{
+    const rti_box root = rti_wide_bounds(&accel->wides[0]);
+    const double area = rti_half_area(&root), unit = area > 0 ? 1 / area : 0;
+    size_t w;
+    int i, k;
+    for (w = 0; w < accel->wide_count; w++) {
+        const rti_wide *wide = &accel->wides[w];
+        rti_box box = rti_wide_bounds(wide);
+        info->sah += (area > 0 ? rti_half_area(&box) * unit : 1) * RTI_TRAVERSAL_COST;
+        for (i = 0; i < RTI_CHILDREN; i++) {
+            const uint32_t count = wide->count[i] & RTI_COUNT_MASK;
+            if (!count) continue;           /* a wide node, or none */
+            for (k = 0; k < 3; k++) {
+                box.lo[k] = wide->bounds[k][i];
+                box.hi[k] = wide->bounds[3 + k][i];
+            }
+            info->leaves++;
+            info->sah += (area > 0 ? rti_half_area(&box) * unit : 1) * (double)count;
+            if (count > info->max_leaf) info->max_leaf = count;
+        }
+    }
+    info->nodes += info->leaves;
+}
+#endif
+
 RT_API void rt_get_info(const rt_accel *accel, rt_info *info)
 {
     int i;
@@ -5232,7 +5377,10 @@ RT_API void rt_get_info(const rt_accel *accel, rt_info *info)
     }
 #endif
 #if RTI_BVH || RTI_THREADED
-    if (accel->structure != RT_KDTREE) rti_bvh_info(accel, info);
+    if (accel->nodes) rti_bvh_info(accel, info);
+#endif
+#if RTI_WIDES
+    if (rti_only_wide(accel)) rti_wide_info(accel, info);
 #endif
 }
 
@@ -6039,6 +6187,9 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
     if (opt->algorithm == RT_BVH_WIDE && !rti_has_wide(accel))
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s needs wide nodes, which this accel was built without (no_wide); the "
                         "other bvh algorithms do not", info->name);
+    if (rti_only_wide(accel) && opt->algorithm != RT_BVH_WIDE && opt->algorithm != RT_AUTO)
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s needs the binary tree, which this accel was built without (no_binary); "
+                        "bvh.wide and auto do not", info->name);
     has_isa = RTI_X86 ? opt->isa != RT_ISA_SCALAR && (opt->isa != RT_ISA_AVX2 || rt_best_isa() == RT_ISA_AVX2)
                       : opt->isa == RT_ISA_AUTO || opt->isa == RT_ISA_SCALAR;
     if (!has_isa)
@@ -6052,7 +6203,7 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
         else if (opt->algorithm == RT_BVH_WIDE) width = 1;
         else if (opt->algorithm != RT_AUTO) width = widths[n - 1];
         else if (count < 4) width = 1;
-        else if (rti_has_wide(accel) && count < RTI_AUTO_RAYS / 4) {
+        else if (rti_has_wide(accel) && (count < RTI_AUTO_RAYS / 4 || rti_only_wide(accel))) {
             wide = true;
             width = 16;
         } else if (!RTI_WIDES || accel->structure != RT_BVH || count < RTI_AUTO_RAYS / 4) width = widths[n - 1];     /* else 0: by trying */
@@ -6072,7 +6223,7 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
     job->side = width;
     job->cull = opt->cull;
     job->times = opt->times;
-    job->wide = wide;
+    job->wide = wide || rti_only_wide(accel);
     job->single = false;
     job->tuner = NULL;
     job->from = NULL;
@@ -7097,7 +7248,7 @@ static rt_status rti_raster_make(rt_raster **out, const rt_geometry *geo, const 
         s.most[k] = fixed ? s.least[k] : 1;
     }
     status = rti_choose_kernels(r, opt->isa, opt->error);
-    if (status == RT_OK) status = rti_number_instances(&r->accel, geo, opt->error);
+    if (status == RT_OK) status = rti_number_instances(&r->accel, geo, true, opt->error);
     r->info.bytes += r->accel.bytes;
     if (status == RT_OK) {
         status = rti_raster_sort(&s, opt);
@@ -11519,7 +11670,7 @@ RTI_FN rti_walker rti_tree_walker(const rt_accel *accel, const rti_job *job)
 #endif
 #if RTI_BVH
 #if RTI_WIDTH > 1
-    if (job->wide && accel->wides && (job->side == 1 || accel->node_count > RTI_FEW_NODES)) {
+    if (accel->wides && (!accel->nodes || (job->wide && (job->side == 1 || accel->node_count > RTI_FEW_NODES)))) {
         if (job->side > 1 || accel->slots[RTI_SPHERE] || accel->slots[RTI_INSTANCE] || job->stats) return rti_walk_wide;
         return any ? rti_wide_root_any : rti_wide_root_closest;
     }

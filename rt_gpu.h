@@ -98,8 +98,8 @@ RT_API size_t rt_gpu_program_count(const rt_gpu *gpu);
 
 typedef struct rt_gpu_accel rt_gpu_accel;   /* an rt_accel, and all that it instances, on a device */
 
-/* Copies accel to the device, in O(its bytes). Changes of accel are not seen: upload it again. RT_ERROR_MEMORY: it does not fit there. error
-   may be NULL. */
+/* Copies accel to the device, in O(its bytes). Changes of accel are not seen: upload it again. RT_ERROR_MEMORY: it does not fit there;
+   RT_ERROR_ARGUMENT: built with no_binary. error may be NULL. */
 RT_API rt_status rt_gpu_upload(rt_gpu *gpu, rt_gpu_accel **out, const rt_accel *accel, rt_error *error);
 
 RT_API void rt_gpu_free(rt_gpu_accel *accel);
@@ -1164,6 +1164,8 @@ RT_API rt_status rt_gpu_upload(rt_gpu *gpu, rt_gpu_accel **out, const rt_accel *
     bool good;
     if (!gpu || !out || !accel) return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", !gpu ? "gpu" : out ? "accel" : "out");
     *out = NULL;
+    if (rti_only_wide(accel))
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "kernels read the binary tree, which this accel was built without (no_binary)");
     memset(&u, 0, sizeof u);
     u.gpu = gpu;
     u.accels.user = gpu->memory_user;

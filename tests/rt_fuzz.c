@@ -235,7 +235,8 @@ static rt_build_options take_options(bytes *in)
     options.throw_back = flags & 64 ? 1e-6f : 0;
     options.reference = flags & 1;
     options.no_backtrack = flags & 2;
-    options.no_wide = flags & 128;
+    options.no_wide = (flags & 144) == 128;
+    options.no_binary = options.structure == RT_BVH && (flags & 144) == 144;
     options.traversal_cost = costs[take(in) & 3];
     options.empty_bonus = bonuses[take(in) & 3];
     options.max_duplication = duplications[take(in) & 3];
@@ -256,6 +257,7 @@ static void trace_all(const rt_accel *accel, const rt_accel *plain, const rt_bui
             if (!info->built || (info->structure != built->structure && info->structure != RT_STRUCTURE_COUNT)) continue;
             if (info->algorithm == RT_KD_BACKTRACK && built->no_backtrack) continue;
             if (info->algorithm == RT_BVH_WIDE && built->no_wide) continue;
+            if (info->structure == RT_BVH && info->algorithm != RT_BVH_WIDE && built->no_binary) continue;
             for (size_t w = rt_packet_widths(info->algorithm, widths, 16); w-- > 0;)
                 for (size_t i = 0; i < tries; i++) {
                     const int isa = (int)(i % RT_ISA_COUNT);
@@ -316,9 +318,15 @@ static void fuzz_geometry(bytes in)
     rt_ray rays[MAX_RAYS];
     float times[MAX_RAYS];
     for (size_t i = 0; i < count; i++) {
+        const bool lean = options.no_binary;           /* then all above must be */
         rt_status status;
         take_level(&levels[i], levels, i, &in);
         options = take_options(&in);
+        if (lean) {
+            options.structure = RT_BVH;
+            options.no_binary = true;
+            options.no_wide = false;
+        }
         status = rt_build(&levels[i].accel, &levels[i].geometry, &options);
         if (status == RT_ERROR_GEOMETRY) {
             if (levels[i].accel) fail("a failed build that answers an accel");

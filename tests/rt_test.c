@@ -1224,6 +1224,8 @@ static void rtt_compare_ways(const char *what, const rt_accel *accel, const rtt_
             continue;
         if (way->options.algorithm == RT_KD_BACKTRACK && !backtrack)
             continue;
+        if (rti_only_wide(accel) && way->options.algorithm != RT_BVH_WIDE && way->options.algorithm != RT_AUTO)
+            continue;
         memset(got, 0xcc, rays->count * sizeof *got);
         CHECK_STATUS(rt_trace(accel, &way->options, rays->ray, rays->count, got), RT_OK);
         wrong += !rtt_compare(what, way->label, rays, got, want, way->options.query == RT_ANY, wrong == 0);
@@ -1275,7 +1277,7 @@ static void rtt_check_accel(const char *what, const rt_accel *accel, const rt_ge
         rt_get_info(geometry->instances[i].accel, &child);
         hollow += child.lower.x > child.upper.x;
     }
-    if ((info.structure == RT_THREADED ? info.nodes < info.leaves || info.nodes > 2 * info.leaves : info.nodes != (info.leaves ? 2 * info.leaves - 1 : 0))
+    if ((info.structure == RT_THREADED || rti_only_wide(accel) ? info.nodes < info.leaves || info.nodes > 2 * info.leaves : info.nodes != (info.leaves ? 2 * info.leaves - 1 : 0))
         || info.leaves < info.empty_leaves || info.max_leaf > prims || info.depth < 0
         || info.depth > RTI_MAX_DEPTH || !(info.sah >= 0) || (!kdtree && (info.empty_leaves || info.leaves > prims))
         || info.references < info.leaves - info.empty_leaves || info.references > (info.leaves - info.empty_leaves) * info.max_leaf
@@ -1311,6 +1313,8 @@ static const struct { rt_build_options options; bool parallel; size_t every, dev
     { { .structure = RT_THREADED, .quality = RT_BUILD_FAST, .reference = true, .branching = 2, .orders = 1 }, true, 3, 9 },
     { { .structure = RT_THREADED, .bounds = RT_BOUNDS_SPHERES, .quality = RT_BUILD_HIGH, .branching = 7, .orders = 4, .throw_back = 1e-6f }, false, 3, 9 },
     { { .structure = RT_THREADED, .branching = 16, .orders = 2, .throw_back = -1 }, false, 3, 9 },
+    { { .structure = RT_BVH, .no_binary = true }, false, 1, 0 },
+    { { .structure = RT_BVH, .quality = RT_BUILD_FAST, .no_binary = true, .reference = true }, true, 3, 0 },
 };
 
 /* The whole promise for one model and its rays: oracle, checksum, then every structure, way of building and way of tracing. */
@@ -1348,7 +1352,7 @@ static void rtt_check(const char *what, const rtt_model *model, const rtt_rays *
         }
         rtt_check_accel(what, accel, &geometry);
         rtt_compare_ways(what, accel, rays, want, !options.no_backtrack, rtt.cases + b, rtt_builds[b].every);
-        if (rtt_device.gpu)
+        if (rtt_device.gpu && !options.no_binary)
             rtt_compare_device(rtt_device.gpu, what, accel, rays, want, !options.no_backtrack, rtt.cases + b, rtt_builds[b].device);
         rt_free(accel);
     }
@@ -2820,7 +2824,7 @@ static void rtt_oracle_all(const rtt_model *model, const rtt_rays *rays, rt_hit 
 /* Moves everything again and again; the hits are those of the moved geometry, nothing is allocated. */
 static void rtt_test_refit(void)
 {
-    for (int reference = 0; reference < 2; reference++) {
+    for (int kind = 0; kind < 4; kind++) {
         rtt_random random = rtt_stream();
         rtt_model model = { 0 }, child = { 0 };
         rt_build_options options;
@@ -2828,7 +2832,8 @@ static void rtt_test_refit(void)
         rt_accel *accel;
 
         memset(&options, 0, sizeof options);
-        options.reference = reference == 1;
+        options.reference = kind % 2 == 1;
+        options.no_binary = kind >= 2;
         rtt_ugly_scene(&model, &child, &random);
         rtt_cloud(&model, &random, 200, rtt_origin, 1, 0.2f);
         geometry = rtt_geometry(&model);
@@ -2864,7 +2869,7 @@ static void rtt_test_refit(void)
 }
 
 /* A refit that fails leaves every hit as it was, and says which primitive. */
-static void rtt_test_refit_errors(void)
+static void rtt_check_refit_errors(const rt_build_options *options)
 {
     rtt_random random = rtt_stream();
     rtt_model model = { 0 }, child = { 0 };
@@ -2881,7 +2886,7 @@ static void rtt_test_refit_errors(void)
     want = (rt_hit *)rtt_array(rays.count, sizeof *want);
     rtt_oracle_all(&model, &rays, want);
     geometry = rtt_geometry(&model);
-    if (CHECK_STATUS(rt_build(&accel, &geometry, NULL), RT_OK)) {
+    if (CHECK_STATUS(rt_build(&accel, &geometry, options), RT_OK)) {
         static const float bad[] = { NAN, INFINITY, -INFINITY, 1.01e18f };
 
         for (size_t i = 0; i < RTT_COUNT(bad); i++) {
@@ -2932,6 +2937,16 @@ static void rtt_test_refit_errors(void)
     rtt_rays_free(&rays);
     rtt_model_free(&model);
     rtt_model_free(&child);
+}
+
+static void rtt_test_refit_errors(void)
+{
+    rt_build_options options;
+
+    memset(&options, 0, sizeof options);
+    rtt_check_refit_errors(&options);
+    options.no_binary = true;
+    rtt_check_refit_errors(&options);
 }
 
 /* A child is refitted, then its parent; what was left out at the build stays out. */
@@ -3458,6 +3473,7 @@ static void rtt_test_out_of_memory(void)
             memset(&options, 0, sizeof options);
             options.structure = (rt_structure)(kind / 4);
             options.reference = kind % 4 == 1;
+            options.no_binary = kind % 4 == 2;
             options.skip_invalid = kind % 4 == 2;
             options.parallel_for = kind % 4 == 3 ? rtt_threaded : NULL;
             options.parallel_user = &calls;
@@ -4374,59 +4390,139 @@ static void rtt_test_collapse(void)
 }
 #endif
 
-/* no_wide saves bytes; what then lacks says why, and single rays go on without. */
-static void rtt_test_no_wide(void)
+/* no_wide and no_binary save bytes; what then lacks says why, and what is left goes on without. */
+static void rtt_test_less(void)
 {
+    static const char *const names[] = { "all", "no_wide", "no_binary" };
     rtt_random random = rtt_stream();
 
     for (size_t scene = 0; scene < RTT_COUNT(rtt_scenes); scene++) {
         rtt_model model = { 0 }, child = { 0 };
         rtt_rays rays = { 0 };
-        rtt_memory memory[2];
+        rtt_memory memory[3];
         rt_build_options options;
         rt_geometry geometry;
-        rt_accel *accel[2];
-        rt_info info[2];
-        rt_trace_options wide;
+        rt_accel *accel[3];
+        rt_info info[3];
         rt_hit *want;
 
         rtt_scene_make(&model, &child, &random, scene, 0);
         geometry = rtt_geometry(&model);
         memset(memory, 0, sizeof memory);
-        memset(&options, 0, sizeof options);
-        for (int without = 0; without < 2; without++) {
-            options.no_wide = without == 1;
-            options.memory_user = &memory[without];
-            if (!CHECK_STATUS(rt_build(&accel[without], &geometry, &options), RT_OK))
-                return;
-            rt_get_info(accel[without], &info[without]);
-            CHECK(memory[without].live - info[without].bytes < 4);     /* 1 an empty array */
-        }
-        CHECK(info[1].bytes < info[0].bytes && info[1].nodes == info[0].nodes);
         rtt_rays_planes(&rays, &random, &model, 1, 0, 40);
         want = (rt_hit *)rtt_array(rays.count, sizeof *want);
         rtt_oracle_all(&model, &rays, want);
-        memset(&wide, 0, sizeof wide);
-        wide.algorithm = RT_BVH_WIDE;
-        rtt_refused(accel[1], wide, RT_ERROR_ARGUMENT, "no_wide");
-        for (int without = 0; without < 2; without++) {
+        for (int less = 0; less < 3; less++) {
+            memset(&options, 0, sizeof options);
+            options.no_wide = less == 1;
+            options.no_binary = less == 2;
+            options.memory_user = &memory[less];
+            if (!CHECK_STATUS(rt_build(&accel[less], &geometry, &options), RT_OK))
+                return;
+            rt_get_info(accel[less], &info[less]);
+            CHECK(memory[less].live - info[less].bytes < 4);           /* 1 an empty array */
+            CHECK(memcmp(&info[less].lower, &info[0].lower, sizeof(rt_vec3)) == 0 && memcmp(&info[less].upper, &info[0].upper, sizeof(rt_vec3)) == 0);
+            CHECK(info[less].references == info[0].references);
+        }
+        CHECK(info[1].bytes < info[0].bytes && info[1].nodes == info[0].nodes);
+        CHECK(info[2].bytes < info[0].bytes && info[2].nodes <= info[0].nodes + 1 && info[2].depth <= info[0].depth + 1);
+        for (int a = 0; a < RT_ALGORITHM_COUNT; a++) {
+            rt_trace_options way;
+
+            memset(&way, 0, sizeof way);
+            way.algorithm = (rt_algorithm)a;
+            if (rt_algorithm_get((size_t)a)->structure == RT_BVH)
+                rtt_refused(accel[a == RT_BVH_WIDE ? 1 : 2], way, RT_ERROR_ARGUMENT, a == RT_BVH_WIDE ? "no_wide" : "no_binary");
+        }
+        for (int less = 0; less < 3; less++) {
             for (size_t i = 0; i < rays.count; i++) {
                 rt_hit hit;
 
-                if (rt_intersect(accel[without], &rays.ray[i], &hit) != (want[i].prim != RT_NONE) || memcmp(&hit, &want[i], sizeof hit) != 0
-                    || rt_occluded(accel[without], &rays.ray[i]) != (want[i].prim != RT_NONE)) {
-                    rtt_fail("%s: ray %zu differs, %s wide nodes", rtt_scenes[scene].name, i, without ? "without" : "with");
+                if (rt_intersect(accel[less], &rays.ray[i], &hit) != (want[i].prim != RT_NONE) || memcmp(&hit, &want[i], sizeof hit) != 0
+                    || rt_occluded(accel[less], &rays.ray[i]) != (want[i].prim != RT_NONE)) {
+                    rtt_fail("%s: ray %zu differs, %s", rtt_scenes[scene].name, i, names[less]);
                     break;
                 }
             }
-            rt_free(accel[without]);
-            CHECK(memory[without].live == 0 && memory[without].blocks == 0);
+            rt_free(accel[less]);
+            CHECK(memory[less].live == 0 && memory[less].blocks == 0);
         }
         free(want);
         rtt_rays_free(&rays);
         rtt_model_free(&model);
         rtt_model_free(&child);
     }
+}
+
+/* Accels with no binary tree are instanced by such alone, with the same hits, however deep; else the build or the refit says which. So does
+   what would leave nothing, and a device. */
+static void rtt_test_no_binary(void)
+{
+    rtt_random random = rtt_stream();
+    rtt_model child = { 0 }, world = { 0 };
+    rtt_rays rays = { 0 };
+    rt_build_options options;
+    rt_geometry geometry;
+    rt_accel *part, *outer, *held;
+    rt_error error;
+    rt_hit *want;
+
+    rtt_cloud(&child, &random, 300, rtt_origin, 1, 0.5f);
+    rtt_balls(&child, &random, 20, rtt_origin, 1, 0.3f);
+    for (int i = 0; i < 40; i++)
+        rtt_place(&world, &child, rtt_v(1, 2, 1), rtt_point(&random, rtt_origin, 6));
+    rtt_cloud(&world, &random, 200, rtt_origin, 6, 0.5f);
+    rtt_rays_mixed(&rays, &random, rtt_origin, 4, 600);
+    rtt_rays_features(&rays, &random, &world, 6, 200);
+    want = (rt_hit *)rtt_array(rays.count, sizeof *want);
+    rtt_oracle_all(&world, &rays, want);
+    memset(&options, 0, sizeof options);
+    options.error = &error;
+    options.no_binary = true;
+    geometry = rtt_geometry(&child);
+    CHECK_STATUS(rt_build(&part, &geometry, &options), RT_OK);
+    for (size_t i = 0; i < world.instance_count; i += 2)            /* the others keep both trees */
+        world.instances[i].accel = part;
+    geometry = rtt_geometry(&world);
+    for (int s = 0; s <= RT_STRUCTURE_COUNT; s++) {                 /* last: as it must be */
+        options.structure = s < RT_STRUCTURE_COUNT ? (rt_structure)s : RT_BVH;
+        options.no_binary = options.structure != RT_BVH || s == RT_STRUCTURE_COUNT;
+        if (!rtt_structure_built(options.structure))
+            continue;
+        CHECK_STATUS(rt_build(&outer, &geometry, &options), s < RT_STRUCTURE_COUNT ? RT_ERROR_ARGUMENT : RT_OK);
+        CHECK(s == RT_STRUCTURE_COUNT || (!outer && error.prim == world.triangle_count + world.sphere_count && strstr(error.message, "no_binary")));
+    }
+    rtt_check_accel("no_binary in no_binary", outer, &geometry);
+    rtt_compare_all("no_binary in no_binary", outer, &rays, want);
+    CHECK_STATUS(rt_refit_error(outer, &geometry, &error), RT_OK);
+    rtt_compare_all("refitted, no_binary in no_binary", outer, &rays, want);
+    if (rtt_device.gpu) {
+        rt_gpu_accel *there = (rt_gpu_accel *)(void *)&error;
+
+        CHECK_STATUS(rt_gpu_upload(rtt_device.gpu, &there, outer, &error), RT_ERROR_ARGUMENT);
+        CHECK(!there && strstr(error.message, "no_binary"));
+    }
+    rt_free(outer);
+
+    for (size_t i = 0; i < world.instance_count; i++)
+        world.instances[i].accel = child.accel;
+    geometry = rtt_geometry(&world);
+    options.no_binary = false;
+    CHECK_STATUS(rt_build(&held, &geometry, &options), RT_OK);
+    world.instances[7].accel = part;
+    CHECK_STATUS(rt_refit_error(held, &geometry, &error), RT_ERROR_ARGUMENT);
+    CHECK(error.prim == world.triangle_count + world.sphere_count + 7 && strstr(error.message, "no_binary"));
+    rtt_compare_all("after a refit that failed", held, &rays, want);
+    rt_free(held);
+    rt_free(part);
+
+    options.no_binary = options.no_wide = true;
+    CHECK_STATUS(rt_build(&outer, &geometry, &options), RT_ERROR_ARGUMENT);
+    CHECK(!outer && strstr(error.message, "no_binary"));
+    free(want);
+    rtt_rays_free(&rays);
+    rtt_model_free(&world);
+    rtt_model_free(&child);
 }
 
 /* What each option of the builder is for: no gain from empty space without a bonus, a deeper tree where nodes are cheap. */
@@ -11236,7 +11332,8 @@ static const rtt_test rtt_tests[] = {
 #ifndef RT_NO_PACKETS
     { "build.collapse", rtt_test_collapse },
 #endif
-    { "build.no-wide", rtt_test_no_wide },
+    { "build.less", rtt_test_less },
+    { "build.no-binary", rtt_test_no_binary },
     { "kdtree.info", rtt_test_kd_info },
     { "kdtree.options", rtt_test_kd_options },
     { "kdtree.refused", rtt_test_kd_refused },
