@@ -71,15 +71,15 @@
 
      An accel takes 40 bytes a triangle (4 with opt->reference), 20 bytes a sphere (4), 168 bytes an instance, and its tree: RT_THREADED 32
      bytes a node (0.7 to 1.5 n of them) and 8 for each of opt->orders, and 4 an instance; RT_BVH 32 bytes a node (at most 2 n - 1 nodes,
-     about n on meshes), and unless opt->no_wide about 66 a triangle for RT_BVH_WIDE; RT_KDTREE 8 bytes a node (2 to 3 n on meshes), 14 more
-     unless opt->no_backtrack, and 4 bytes for each time that a leaf with several primitives names one (at most opt->max_duplication a
-     primitive). While building, RT_BVH and RT_THREADED take 118 bytes a primitive more, 64 of them for nodes; RT_KDTREE 32 bytes a
-     reference, twice at the top of the tree, and a lane of 1 MiB (208 KiB times opt->max_duplication), or 16 with a parallel_for. All is
-     released before rt_build returns; rt_get_info tells what an accel holds. Stack: 2 KiB for a single ray, 7 KiB by wide nodes, 9 KiB for
-     a packet of 4 or 8, and as much again for each level of instances; large packets 46 KiB up to 16 x 16 rays, 166 KiB with 32 x 32, and
-     44 KiB for each level of instances; by wide nodes 75 KiB, and 57 KiB for each level. Of a packet of 16 x 16, tests of boxes and edges
-     read 8 KiB and all tests together 20 KiB: that stays in a first-level cache of 32 KiB. Of one of 32 x 32 only the former do, with 33
-     KiB, in one of 48.
+     about n on meshes), and unless opt->no_wide about 66 a triangle for RT_BVH_WIDE, which are all with opt->no_binary; RT_KDTREE 8 bytes
+     a node (2 to 3 n on meshes), 14 more unless opt->no_backtrack, and 4 bytes for each time that a leaf with several primitives names one
+     (at most opt->max_duplication a primitive). While building, RT_BVH and RT_THREADED take 118 bytes a primitive more, 64 of them for
+     nodes; RT_KDTREE 32 bytes a reference, twice at the top of the tree, and a lane of 1 MiB (208 KiB times opt->max_duplication), or 16
+     with a parallel_for. All is released before rt_build returns; rt_get_info tells what an accel holds. Stack: 2 KiB for a single ray, 7
+     KiB by wide nodes, 9 KiB for a packet of 4 or 8, and as much again for each level of instances; large packets 46 KiB up to 16 x 16
+     rays, 166 KiB with 32 x 32, and 44 KiB for each level of instances; by wide nodes 75 KiB, and 57 KiB for each level. Of a packet of 16
+     x 16, tests of boxes and edges read 8 KiB and all tests together 20 KiB: that stays in a first-level cache of 32 KiB. Of one of 32 x
+     32 only the former do, with 33 KiB, in one of 48.
 
    WHAT GOES WITH WHAT
 
@@ -93,6 +93,7 @@
                              on as SIMD rays or single ones (kd.stack in k-d trees), with the same hits
        opt->bounds, orders, branching, throw_back     RT_THREADED; empty_bonus, max_duplication: RT_KDTREE
        opt->no_wide          leaves no RT_BVH_WIDE; opt->no_backtrack no RT_KD_BACKTRACK
+       opt->no_binary        leaves RT_BVH_WIDE and RT_AUTO alone; instances of such an accel stand in such; rt_gpu_upload reads none
        opt->cull             RT_BVH_MASKED, RT_BVH_RANGED, RT_BVH_PARTITION
        opt->short_stack      RT_KD_SHORTSTACK
        opt->stats            all; RT_AUTO then does not try by the clock: it takes crowds, without wide nodes large packets, for RT_ANY SIMD rays

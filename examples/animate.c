@@ -273,6 +273,7 @@ static bool show_build_one(rt_accel **accel, const rt_geometry *geometry, const 
     rt_error error = {0};
 
     build.structure = o->structure;
+    keep_what_it_reads(&build, o->algorithm->algorithm, o->gpu);
     build.parallel_for = pool_for;
     build.parallel_user = threads;
     build.error = &error;

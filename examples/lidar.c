@@ -378,6 +378,7 @@ static bool build(scanner *s, int which, const char *name, const rt_geometry *ge
     rt_error error = {0};
 
     how.structure = s->o->structure;
+    keep_what_it_reads(&how, s->o->algorithm->algorithm, false);
     how.parallel_for = pool_for;
     how.parallel_user = threads;
     how.error = &error;

@@ -109,6 +109,14 @@ OPTIONS_API bool read_algorithm(const char *text, const rt_algorithm_info **algo
     return *algorithm != NULL;
 }
 
+/* Leaves out of a build what that algorithm does not read; on a device, of an accel that goes there. */
+OPTIONS_API void keep_what_it_reads(rt_build_options *build, rt_algorithm algorithm, bool device)
+{
+    build->no_wide = device || (algorithm != RT_AUTO && algorithm != RT_BVH_WIDE);
+    build->no_binary = !device && algorithm == RT_BVH_WIDE;
+    build->no_backtrack = algorithm != RT_KD_BACKTRACK;
+}
+
 /* Is argument "name" or "name=..."? */
 static bool names_option(const char *argument, const char *name)
 {

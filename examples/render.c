@@ -729,6 +729,7 @@ static bool render(options *o)
     build.structure = o->structure;
     build.bounds = o->bounds;
     build.branching = o->branching;
+    keep_what_it_reads(&build, o->algorithm->algorithm, o->gpu);
     build.parallel_for = pool_for;
     build.parallel_user = workers;
     build.error = &error;

@@ -653,11 +653,11 @@ enum { BUILD_OURS, BUILD_EMBREE, BUILD_SIDES };
 
 typedef struct {
     double seconds[BUILD_SIDES][PEERS_QUALITIES][2][MAX_ROUNDS];        /* on one thread and on two */
-    size_t bytes[BUILD_SIDES][PEERS_QUALITIES];
+    size_t bytes[BUILD_SIDES][PEERS_QUALITIES], lean;       /* lean: of the default with no_binary */
 } peers_builds;
 
 /* Seconds; threads NULL: of processor time, on this one. Less than 0: it fails. */
-static double peers_build_ours(const peers *p, const peers_scene *s, peers_quality quality, pool *threads, size_t *bytes)
+static double peers_build_ours(const peers *p, const peers_scene *s, peers_quality quality, bool lean, pool *threads, size_t *bytes)
 {
     rt_error error;
     rt_build_options options = build_options(RT_BVH, &p->a, threads, &error);
@@ -666,6 +666,7 @@ static double peers_build_ours(const peers *p, const peers_scene *s, peers_quali
     double start, seconds;
 
     options.quality = our_qualities[quality];
+    options.no_binary = lean;
     start = peers_clock(threads);
     if (rt_build(&accel, &s->bench.content.geometry, &options) != RT_OK) return complain("%s: %s", s->title, error.message), -1;
     seconds = peers_clock(threads) - start;
@@ -713,14 +714,14 @@ static bool peers_build_scene(const peers *p, const peers_scene *s, peers_builds
     for (round = -1; round < p->a.rounds; round++)
         for (quality = 0; quality < PEERS_QUALITIES; quality++)
             for (threads = 0; threads < 2; threads++) {
-                const double ours = peers_build_ours(p, s, (peers_quality)quality, pools[threads], &out->bytes[BUILD_OURS][quality]);
+                const double ours = peers_build_ours(p, s, (peers_quality)quality, false, pools[threads], &out->bytes[BUILD_OURS][quality]);
                 const double theirs = peers_build_embree(p, s, (peers_quality)quality, pools[threads], &out->bytes[BUILD_EMBREE][quality]);
                 if (ours < 0 || theirs < 0) return false;
                 if (round < 0) continue;
                 out->seconds[BUILD_OURS][quality][threads][round] = ours;
                 out->seconds[BUILD_EMBREE][quality][threads][round] = theirs;
             }
-    return true;
+    return peers_build_ours(p, s, PEERS_MEDIUM, true, p->two, &out->lean) >= 0;
 }
 
 static bool peers_build(peers *p)
@@ -735,8 +736,8 @@ static bool peers_build(peers *p)
 
     peers_print_title(p, "peers.build", "million triangles built a second, on one thread and on two; bytes a triangle", -1,
                       "rtcCommitScene alone, its bytes without its copy of the input");
-    printf("%28s%15s%15s%15s%15s%15s%15s%26s%26s\n", "", "ours: fast   ", "default   ", "high   ", "Embree: low   ", "medium   ", "high   ",
-           "ours, bytes: fast to high", "Embree: low to high");
+    printf("%28s%15s%15s%15s%15s%15s%15s%36s%26s\n", "", "ours: fast   ", "default   ", "high   ", "Embree: low   ", "medium   ", "high   ",
+           "ours, bytes: fast to high, no_binary", "Embree: low to high");
     printf("%-18s%10s", "", "triangles");
     for (i = 0; i < BUILD_SIDES * PEERS_QUALITIES; i++) printf("%7d%7d ", 1, 2);
     printf("\n");
@@ -756,8 +757,10 @@ static bool peers_build(peers *p)
                     rates[side][quality][threads] = seconds > 0 ? n / seconds * 1e-6 : 0;
                     horn_print_cell(7, 2, rates[side][quality][threads]);
                 }
-        for (side = 0; side < BUILD_SIDES; side++, printf("  "))
+        for (side = 0; side < BUILD_SIDES; side++, printf("  ")) {
             for (quality = 0; quality < PEERS_QUALITIES; quality++) horn_print_cell(8, 1, (double)builds.bytes[side][quality] / n);
+            if (side == BUILD_OURS) horn_print_cell(12, 1, (double)builds.lean / n);
+        }
         printf("\n");
         fflush(stdout);
         for (quality = 0; quality < PEERS_QUALITIES; quality++)
