@@ -131,10 +131,11 @@ gpu:
 
 # MATRIX: some of its parts, as "1 4". Longest first, and as many at once as there are processors; each in build/matrix/PART.log, and
 # printed when it ends
-MATRIX ?= 3 4 2 1 5
+MATRIX_PARTS = $(patsubst %,matrix-%,$(or $(MATRIX),3 4 2 1 5))
 matrix: matrix-needs
-	$(MAKE) -k -j$$(nproc) $(MATRIX:%=matrix-%)
-$(foreach part,1 2 3 4 5,matrix-$(part)): matrix-%:
+	$(MAKE) -k -j$$(nproc) matrix-parts
+matrix-parts: $(MATRIX_PARTS)
+$(MATRIX_PARTS): matrix-%:
 	@mkdir -p build/matrix
 	@sh tests/matrix.sh $* >build/matrix/$*.log 2>&1; status=$$?; cat build/matrix/$*.log; exit $$status
 matrix-needs:
@@ -164,4 +165,4 @@ help:
 	@echo "make fuzz       FUZZ=60 seconds of fuzzing the loaders, the builder and the traversals"
 	@echo "make clean      remove build/ and out/"
 
-.PHONY: FORCE all demo driver test test-most test-dropin test-others accuracy bench gpu check check-address check-others check-programs fuzz matrix matrix-needs clean help
+.PHONY: FORCE all demo driver test test-most test-dropin test-others accuracy bench gpu check check-address check-others check-programs fuzz matrix matrix-needs matrix-parts $(MATRIX_PARTS) clean help

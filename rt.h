@@ -71,15 +71,15 @@
 
      An accel takes 40 bytes a triangle (4 with opt->reference), 20 bytes a sphere (4), 168 bytes an instance, and its tree: RT_THREADED 32
      bytes a node (0.7 to 1.5 n of them) and 8 for each of opt->orders, and 4 an instance; RT_BVH 32 bytes a node (at most 2 n - 1 nodes,
-     about n on meshes), and unless opt->no_wide about 66 a triangle for RT_BVH_WIDE, which are all with opt->no_binary; RT_KDTREE 8 bytes
-     a node (2 to 3 n on meshes), 14 more unless opt->no_backtrack, and 4 bytes for each time that a leaf with several primitives names one
-     (at most opt->max_duplication a primitive). While building, RT_BVH and RT_THREADED take 118 bytes a primitive more, 64 of them for
-     nodes; RT_KDTREE 32 bytes a reference, twice at the top of the tree, and a lane of 1 MiB (208 KiB times opt->max_duplication), or 16
-     with a parallel_for. All is released before rt_build returns; rt_get_info tells what an accel holds. Stack: 2 KiB for a single ray, 7
-     KiB by wide nodes, 9 KiB for a packet of 4 or 8, and as much again for each level of instances; large packets 46 KiB up to 16 x 16
-     rays, 166 KiB with 32 x 32, and 44 KiB for each level of instances; by wide nodes 75 KiB, and 57 KiB for each level. Of a packet of 16
-     x 16, tests of boxes and edges read 8 KiB and all tests together 20 KiB: that stays in a first-level cache of 32 KiB. Of one of 32 x
-     32 only the former do, with 33 KiB, in one of 48.
+     about n on meshes), and unless opt->no_wide about 66 a triangle for RT_BVH_WIDE; with opt->no_binary those 66 are all; RT_KDTREE 8
+     bytes a node (2 to 3 n on meshes), 14 more unless opt->no_backtrack, and 4 bytes for each time that a leaf with several primitives
+     names one (at most opt->max_duplication a primitive). While building, RT_BVH and RT_THREADED take 118 bytes a primitive more, 64 of
+     them for nodes, and an RT_BVH first has what no_binary leaves out; RT_KDTREE 32 bytes a reference, twice at the top of the tree, and a
+     lane of 1 MiB (208 KiB times opt->max_duplication), or 16 with a parallel_for. All is released before rt_build returns; rt_get_info
+     tells what an accel holds. Stack: 2 KiB for a single ray, 7 KiB by wide nodes, 9 KiB for a packet of 4 or 8, and as much again for
+     each level of instances; large packets 46 KiB up to 16 x 16 rays, 166 KiB with 32 x 32, and 44 KiB for each level of instances; by
+     wide nodes 75 KiB, and 57 KiB for each level. Of a packet of 16 x 16, tests of boxes and edges read 8 KiB and all tests together 20
+     KiB: that stays in a first-level cache of 32 KiB. Of one of 32 x 32 only the former do, with 33 KiB, in one of 48.
 
    WHAT GOES WITH WHAT
 
@@ -89,11 +89,11 @@
        opt->reference        vertices, indices and spheres; instances and planes are copied in any case
        infinite planes       not in an accel that is instanced; discs are
        motion                of instances; rt_trace and rt_trace_arrays with opt->times, rt_render_tile with lens.open and close. Others see time 0
-       instances             show accels of any structure, whatever traces the outermost: inside another structure than its own an algorithm goes
+       instances             show accels of any structure, but see no_binary, whatever traces the outermost: inside another structure than its own an algorithm goes
                              on as SIMD rays or single ones (kd.stack in k-d trees), with the same hits
        opt->bounds, orders, branching, throw_back     RT_THREADED; empty_bonus, max_duplication: RT_KDTREE
        opt->no_wide          leaves no RT_BVH_WIDE; opt->no_backtrack no RT_KD_BACKTRACK
-       opt->no_binary        leaves RT_BVH_WIDE and RT_AUTO alone; instances of such an accel stand in such; rt_gpu_upload reads none
+       opt->no_binary        leaves only RT_BVH_WIDE and RT_AUTO; instances of it stand in accels built so too; rt_gpu_upload refuses it
        opt->cull             RT_BVH_MASKED, RT_BVH_RANGED, RT_BVH_PARTITION
        opt->short_stack      RT_KD_SHORTSTACK
        opt->stats            all; RT_AUTO then does not try by the clock: it takes crowds, without wide nodes large packets, for RT_ANY SIMD rays
@@ -299,7 +299,8 @@ typedef struct {
     bool no_wide;                           /* RT_BVH: leave out what only RT_BVH_WIDE reads. RT_AUTO does without: for single rays it takes
                                                RT_BVH_STACK, for many RT_BVH_RANGED or RT_BVH_SIMD */
     bool no_binary;                         /* RT_BVH: keep only what RT_BVH_WIDE reads, half of a BVH: it, RT_AUTO, rt_intersect and rt_occluded
-                                               are left, and rt_refit. Instances of it are for accels built so too. Not with no_wide */
+                                               are left, and rt_refit. Only accels built so too, and rasters, may hold instances of it. Not
+                                               with no_wide */
     bool no_backtrack;                      /* RT_KDTREE: leave out the parent links and boxes that only RT_KD_BACKTRACK reads */
     rt_parallel_for parallel_for;           /* NULL: build on this thread. The tree is the same, bit for bit */
     void *parallel_user;
@@ -326,7 +327,8 @@ typedef struct {
     rt_structure structure;
     size_t triangles, spheres, instances, planes;       /* as given; including skipped ones */
     size_t skipped;                         /* primitives left out by skip_invalid */
-    size_t nodes, leaves, max_leaf;         /* tree nodes in all, leaves among them, primitives in the fullest leaf */
+    size_t nodes, leaves, max_leaf;         /* tree nodes in all, leaves among them, primitives in the fullest leaf; with no_binary, as depth
+                                               and sah, of the wide tree */
     size_t empty_leaves;                    /* of a k-d tree */
     size_t references;                      /* primitives in all leaves together: k-d trees count one once a leaf */
     int depth;                              /* edges from the root to the deepest leaf */
@@ -5016,9 +5018,9 @@ static rt_status rti_check_build_options(const rt_build_options *opt)
     if (RTI_KDTREE && opt->max_duplication != 0 && !(opt->max_duplication >= 1 && opt->max_duplication <= RTI_MAX_DUPLICATION))
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "max_duplication is %g: it must be 0 (as %d) or between 1 and %d",
                         (double)opt->max_duplication, RTI_DUPLICATION, RTI_MAX_DUPLICATION);
-    if (opt->structure == RT_BVH && opt->no_binary && opt->no_wide)
+    if (RTI_BVH && opt->structure == RT_BVH && opt->no_binary && opt->no_wide)
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "no_binary and no_wide together leave nothing of a bvh");
-    if (opt->structure == RT_BVH && opt->no_binary && !RTI_WIDES)
+    if (RTI_BVH && opt->structure == RT_BVH && opt->no_binary && !RTI_WIDES)
         return rti_fail(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "no_binary keeps what bvh.wide reads, which is not built (RT_NO_PACKETS)");
     if (RTI_THREADED && (unsigned)opt->bounds >= RT_BOUNDS_COUNT)
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "bounds %d is none of rt_bounds", (int)opt->bounds);
@@ -5200,8 +5202,8 @@ RT_API rt_status rt_refit_error(rt_accel *accel, const rt_geometry *geo, rt_erro
                             "instance %lu now shows an accel that is empty, nests otherwise or holds the one it is in: build a new one",
                             (unsigned long)number);
         if (rti_only_wide(child) && !rti_only_wide(accel))
-            return rti_fail(error, RT_ERROR_ARGUMENT, in->prim, "instance %lu now shows an accel built with no_binary: build a new one so too",
-                            (unsigned long)number);
+            return rti_fail(error, RT_ERROR_ARGUMENT, in->prim, "instance %lu now shows an accel built with no_binary, and what holds it "
+                            "was not: build it anew", (unsigned long)number);
     }
 #endif
     if (accel->triangles)
@@ -6114,20 +6116,36 @@ RT_API bool rt_occluded(const rt_accel *accel, const rt_ray *ray)
     return hit.prim != RT_NONE;
 }
 
-/* Parent links, which only RT_KD_BACKTRACK needs. */
-static bool rti_has_links(const rt_accel *accel)
+/* Parts that an accel may have been built without, */
+enum { RTI_PART_BINARY, RTI_PART_WIDE, RTI_PART_LINKS, RTI_PARTS };
+static const struct { const char *name, *option, *others; } rti_parts[RTI_PARTS] = {
+    { "the binary tree", "no_binary", "bvh.wide and auto do not" },
+    { "wide nodes", "no_wide", "the other bvh algorithms do not" },
+    { "parent links", "no_backtrack", "the other kd algorithms do not" }
+};
+
+/* that it has, as bits, */
+static unsigned rti_parts_of(const rt_accel *accel)
 {
+    unsigned parts = rti_only_wide(accel) ? 0 : 1u << RTI_PART_BINARY;
+    if (rti_has_wide(accel)) parts |= 1u << RTI_PART_WIDE;
 #if RTI_KDTREE
-    return accel->kdlinks || !accel->node_count;
-#else
-    (void)accel;
-    return false;
+    if (accel->kdlinks || !accel->node_count) parts |= 1u << RTI_PART_LINKS;
 #endif
+    return parts;
 }
 
-/* Is all that opt says allowed, for an accel of that structure, with parent links or without? */
-static rt_status rti_check_options(const rt_trace_options *opt, rt_structure structure, bool links)
+/* and the one that an algorithm reads, or RTI_PARTS. */
+static int rti_part_read(size_t algorithm)
 {
+    return algorithm == RT_KD_BACKTRACK ? RTI_PART_LINKS : algorithm == RT_BVH_WIDE ? RTI_PART_WIDE
+         : rti_algorithms[algorithm].structure == RT_BVH ? RTI_PART_BINARY : RTI_PARTS;
+}
+
+/* Is all that opt says allowed, for an accel of that structure with those parts? */
+static rt_status rti_check_options(const rt_trace_options *opt, rt_structure structure, unsigned parts)
+{
+    const unsigned lacks = ~parts & ((1u << RTI_PARTS) - 1);
     const rt_algorithm_info *info;
     if ((unsigned)opt->algorithm >= RT_ALGORITHM_COUNT)
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %d is none of rt_algorithm", (int)opt->algorithm);
@@ -6140,14 +6158,15 @@ static rt_status rti_check_options(const rt_trace_options *opt, rt_structure str
         char list[128] = "";
         size_t used = 0, i;
         for (i = 0; i < RT_ALGORITHM_COUNT; i++)
-            if (rti_algorithms[i].built && (rti_algorithms[i].structure == structure || i == RT_AUTO) && (links || i != RT_KD_BACKTRACK))
+            if (rti_algorithms[i].built && (rti_algorithms[i].structure == structure || i == RT_AUTO) && !(lacks >> rti_part_read(i) & 1))
                 used += (size_t)snprintf(list + used, sizeof list - used, used ? ", %s" : "%s", rti_algorithms[i].name);
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s is for a %s; this accel is a %s and takes: %s", info->name,
                         rti_structure_names[info->structure], rti_structure_names[structure], list);
     }
-    if (!links && opt->algorithm == RT_KD_BACKTRACK)
-        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s needs parent links, which this accel was built without "
-                        "(no_backtrack); the other kd algorithms do not", info->name);
+    if (lacks >> rti_part_read(opt->algorithm) & 1)
+        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s needs %s, which this accel was built without (%s); %s", info->name,
+                        rti_parts[rti_part_read(opt->algorithm)].name, rti_parts[rti_part_read(opt->algorithm)].option,
+                        rti_parts[rti_part_read(opt->algorithm)].others);
     if (opt->short_stack < 0 || opt->short_stack > RT_MAX_SHORT_STACK)
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "short_stack is %d: it must be 0 (as 3) or between 1 and %d entries",
                         opt->short_stack, RT_MAX_SHORT_STACK);
@@ -6183,14 +6202,8 @@ static rt_status rti_choose(const rt_accel *accel, const rt_trace_options *opt, 
     }
     if ((unsigned)opt->isa >= RT_ISA_COUNT)
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "isa %d is none of rt_isa", (int)opt->isa);
-    if ((status = rti_check_options(opt, accel->structure, rti_has_links(accel))) != RT_OK) return status;
+    if ((status = rti_check_options(opt, accel->structure, rti_parts_of(accel))) != RT_OK) return status;
     info = &rti_algorithms[opt->algorithm];
-    if (opt->algorithm == RT_BVH_WIDE && !rti_has_wide(accel))
-        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s needs wide nodes, which this accel was built without (no_wide); the "
-                        "other bvh algorithms do not", info->name);
-    if (rti_only_wide(accel) && opt->algorithm != RT_BVH_WIDE && opt->algorithm != RT_AUTO)
-        return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s needs the binary tree, which this accel was built without (no_binary); "
-                        "bvh.wide and auto do not", info->name);
     has_isa = RTI_X86 ? opt->isa != RT_ISA_SCALAR && (opt->isa != RT_ISA_AVX2 || rt_best_isa() == RT_ISA_AVX2)
                       : opt->isa == RT_ISA_AUTO || opt->isa == RT_ISA_SCALAR;
     if (!has_isa)

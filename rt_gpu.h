@@ -740,7 +740,7 @@ struct rt_gpu_accel {
     rti_gpu_level levels[RT_MAX_NESTING + 1];
     int level_count;
     rt_structure structure;
-    bool links;                             /* of a k-d tree */
+    unsigned parts;                         /* see rti_parts_of */
 };
 
 /* Arrays of an accel on the device. */
@@ -1165,7 +1165,8 @@ RT_API rt_status rt_gpu_upload(rt_gpu *gpu, rt_gpu_accel **out, const rt_accel *
     if (!gpu || !out || !accel) return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "%s is NULL", !gpu ? "gpu" : out ? "accel" : "out");
     *out = NULL;
     if (rti_only_wide(accel))
-        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "kernels read the binary tree, which this accel was built without (no_binary)");
+        return rti_fail(error, RT_ERROR_ARGUMENT, RT_NONE, "kernels read the binary tree, which this accel was built without (no_binary): build "
+                        "it with");
     memset(&u, 0, sizeof u);
     u.gpu = gpu;
     u.accels.user = gpu->memory_user;
@@ -1187,7 +1188,7 @@ RT_API rt_status rt_gpu_upload(rt_gpu *gpu, rt_gpu_accel **out, const rt_accel *
     if (status == RT_OK) {
         rt_gpu_accel *there = (rt_gpu_accel *)(void *)object;
         there->structure = accel->structure;
-        there->links = rti_has_links(accel);
+        there->parts = rti_parts_of(accel) | 1u << RTI_PART_WIDE;      /* made here */
         if (!rti_gpu_note_levels(&u, there)) status = rti_fail(error, RT_ERROR_MEMORY, RT_NONE, "no memory to copy an accel");
         else status = rti_gpu_send_parts(&u, there, error);
         if (status == RT_OK) *out = there;
@@ -1850,7 +1851,7 @@ static rt_status rti_gpu_resolve(const rt_gpu *gpu, const rt_gpu_accel *accel, c
 #if RTI_STATS
     if (opt->stats) return rti_fail(opt->error, RT_ERROR_UNSUPPORTED, RT_NONE, "kernels do not count: stats must be NULL");
 #endif
-    if ((status = rti_check_options(opt, accel->structure, accel->links)) != RT_OK) return status;
+    if ((status = rti_check_options(opt, accel->structure, accel->parts)) != RT_OK) return status;
     if (algorithm == RT_AUTO) {
         if (accel->structure == RT_BVH) algorithm = gpu->info.gpu ? RT_BVH_WIDE : RT_BVH_SIMD;
         else algorithm = accel->structure == RT_KDTREE ? RT_KD_STACK : RT_THREADED_SINGLE;

@@ -278,7 +278,7 @@ static bool bake(const options *o, const scene *content)
     if (ok) ok = (threads = pool_create(o->threads)) != NULL || fail("cannot start the threads: choose a smaller --threads");
     if (ok) {
         memset(&build, 0, sizeof build);
-        build.no_binary = true;             /* rays to all sides gain nothing from it */
+        build.no_binary = true;             /* by which rays to all sides are no faster */
         build.parallel_for = pool_for;
         build.parallel_user = threads;
         build.error = &error;

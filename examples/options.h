@@ -109,7 +109,7 @@ OPTIONS_API bool read_algorithm(const char *text, const rt_algorithm_info **algo
     return *algorithm != NULL;
 }
 
-/* Leaves out of a build what that algorithm does not read; on a device, of an accel that goes there. */
+/* Leaves out of a build what that algorithm does not read. device: the accel goes to one, which makes wide nodes of its own. */
 OPTIONS_API void keep_what_it_reads(rt_build_options *build, rt_algorithm algorithm, bool device)
 {
     build->no_wide = device || (algorithm != RT_AUTO && algorithm != RT_BVH_WIDE);

@@ -4433,6 +4433,10 @@ static void rtt_test_less(void)
             way.algorithm = (rt_algorithm)a;
             if (rt_algorithm_get((size_t)a)->structure == RT_BVH)
                 rtt_refused(accel[a == RT_BVH_WIDE ? 1 : 2], way, RT_ERROR_ARGUMENT, a == RT_BVH_WIDE ? "no_wide" : "no_binary");
+            if (a == RT_KD_STACK) {         /* is told what is taken, and no more */
+                rtt_refused(accel[1], way, RT_ERROR_ARGUMENT, "auto, bvh.stack, bvh.simd, bvh.masked");
+                rtt_refused(accel[2], way, RT_ERROR_ARGUMENT, "a bvh and takes: auto, bvh.wide");
+            }
         }
         for (int less = 0; less < 3; less++) {
             for (size_t i = 0; i < rays.count; i++) {
