@@ -96,7 +96,7 @@ GPU_TESTS      = gpu.mistakes gpu.log gpu.memory gpu.async gpu.cycles gpu.small.
 OCLGRIND      ?= /usr/lib/oclgrind/liboclgrind-rt.so
 THREAD_TESTS   = threads build.parallel shading.render raster.render
 check: check-address check-others check-programs
-check-address: driver
+check-address: all driver
 	$(MAKE) config=asan build/asan/rt_test
 	build/asan/rt_test --scale 8 --no-gpu
 	ASAN_OPTIONS=detect_leaks=0 build/asan/rt_test --scale 8 $(GPU_TESTS)

@@ -9602,6 +9602,18 @@ static void rtt_test_imp(void)
     loader_unload();
 }
 
+/* A program that make builds before it runs the tests. */
+static bool rtt_has_program(const char *name)
+{
+    char path[64];
+
+    snprintf(path, sizeof path, "build/%s", name);
+    if (access(path, X_OK) == 0)
+        return true;
+    rtt_fail("%s is not there: make builds it", path);
+    return false;
+}
+
 /* Runs a command and answers its exit status; what it says goes to a file of the loader's folder. */
 static int rtt_run_program(const char *program, const char *arguments, char *said, size_t size)
 {
@@ -9641,8 +9653,8 @@ static void rtt_test_animate(void)
     };
     char said[4096], command[2048], base[512];
 
-    if (access("build/animate", X_OK) != 0)
-        return;                             /* of another configuration: not built there */
+    if (!rtt_has_program("animate"))
+        return;
     snprintf(base, sizeof base, "%s", loader_path("a"));
     for (size_t i = 0; i < RTT_COUNT(bad); i++) {
         snprintf(command, sizeof command, "-o '%s' --size 8x8 --frames 1 --spp 1 %s", base, bad[i][0]);
@@ -9720,7 +9732,7 @@ static void rtt_test_recipes(void)
     }
     free(readme);
     free(recipes);
-    for (int any = 0; any < (rtt.no_gpu ? 1 : 2) && access("build/recipes", X_OK) == 0; any++) {
+    for (int any = 0; any < (rtt.no_gpu ? 1 : 2) && rtt_has_program("recipes"); any++) {
         if (any == 0)
             setenv("RT_GPU_DEVICE", "none", 1);
         else if (asked)
@@ -9748,8 +9760,8 @@ static void rtt_test_bake(void)
     char said[4096], command[2048], base[512];
     double sky[2] = { 0, 0 }, weight[2] = { 0, 0 };
 
-    if (access("build/bake", X_OK) != 0)
-        return;                             /* of another configuration: not built there */
+    if (!rtt_has_program("bake"))
+        return;
     snprintf(base, sizeof base, "%s", loader_path("b"));
     loader_write("ball.nff", "f 1 1 1 1 0 0 0 1\ns 0 0 0 1\n");
     snprintf(command, sizeof command, "-o '%s.ply' '%s'", base, loader_path("ball.nff"));
@@ -10010,8 +10022,8 @@ static void rtt_test_lidar(void)
     static const char *const ways[] = { "--threads 3", "--threads 2 --structure threaded", "--structure kdtree", "--algorithm bvh.wide", "--algorithm kd.restart" };
     char said[4096], command[2048], base[512], room[512], ball[512];
 
-    if (access("build/lidar", X_OK) != 0)
-        return;                             /* of another configuration: not built there */
+    if (!rtt_has_program("lidar"))
+        return;
     snprintf(base, sizeof base, "%s", loader_path("l"));
     for (size_t i = 0; i < RTT_COUNT(bad); i++) {
         snprintf(command, sizeof command, "-o '%s.csv' --steps 8 %s", base, bad[i][0]);
@@ -10303,8 +10315,8 @@ static void rtt_test_report(void)
     };
     char said[4096], command[2048], base[512], csv[520];
 
-    if (access("build/render", X_OK) != 0)
-        return;                             /* as animate */
+    if (!rtt_has_program("render"))
+        return;
     snprintf(base, sizeof base, "%s", loader_path("r"));
     snprintf(csv, sizeof csv, "%s.csv", base);
     rtt_check_refusals(bad, RTT_COUNT(bad));
@@ -10362,8 +10374,8 @@ static void rtt_test_gpu_programs(void)
     };
     char said[4096], command[2048], base[512];
 
-    if (access("build/render", X_OK) != 0)
-        return;                             /* as animate */
+    if (!rtt_has_program("render"))
+        return;
     snprintf(base, sizeof base, "%s", loader_path("g"));
     for (size_t i = 0; i < RTT_COUNT(scenes); i++) {
         for (int gpu = 0; gpu < 2; gpu++) {
