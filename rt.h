@@ -9312,6 +9312,7 @@ RT_API rt_status rt_render_tile(const rt_scene *scene, const rt_render_options *
 #define rti_wide_box RTI_NAME_(rti_wide_box)
 #define rti_octet_boxes RTI_NAME_(rti_octet_boxes)
 #define rti_crowd_meets RTI_NAME_(rti_crowd_meets)
+#define rti_crowd_enters RTI_NAME_(rti_crowd_enters)
 #define rti_crowd_note RTI_NAME_(rti_crowd_note)
 #define rti_crowd_octet RTI_NAME_(rti_crowd_octet)
 #define rti_crowd_others RTI_NAME_(rti_crowd_others)
@@ -12665,6 +12666,12 @@ RTI_FN uint64_t rti_crowd_meets(const rti_crowd *c, uint64_t list, const rti_v n
     return met & list;
 }
 
+/* Does a ray of a SIMD ray meet a box? */
+RTI_FN bool rti_crowd_enters(const rti_crowd *c, int i, const rti_v near_side[3], const rti_v far_side[3])
+{
+    return (rti_meet_lanes(&c->rays[i], near_side, far_side) & c->rays[i].live) != 0;
+}
+
 /* Notes what a SIMD ray has hit; with RT_ANY those lanes are done. */
 RTI_FN void rti_crowd_note(rti_crowd *c, int i, unsigned hit, const bool any)
 {
@@ -12790,7 +12797,9 @@ RTI_FN void rti_crowd_part(const rt_accel *accel, rti_crowd *c, int i, uint32_t 
                    any);
 }
 
-/* From near to far: what waits lies on a stack, with the SIMD rays that met its parent. */
+/* From near to far: what waits lies on a stack, with the SIMD rays that met its parent. Intervals of rays that go nearly along a plane are so
+   wide that they miss hardly a box; so that no node is visited for them alone, the first SIMD ray must meet it by itself, or is left behind
+   ([Overbeck] 3.2). */
 RTI_FN void rti_crowd_body(const rt_accel *accel, rti_crowd *c, uint32_t inst, const int flags, const rti_job *job)
 {
     const bool any = (flags & RTI_WALK_ANY) != 0;
@@ -12839,6 +12848,7 @@ RTI_FN void rti_crowd_body(const rt_accel *accel, rti_crowd *c, uint32_t inst, c
             rti_wide_box(node, i, c->side, near_side, far_side);
             RTI_TALLY(job->stats, flags, boxes, rti_count_list(c->rays, stack[top].list));
             list = rti_crowd_meets(c, stack[top].list, near_side, far_side);
+            while (list && !rti_crowd_enters(c, rti_lowest_of(list), near_side, far_side)) list &= list - 1;
             if (!list) continue;
             index = node->index[i];
             count = node->count[i];
