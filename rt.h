@@ -5589,14 +5589,15 @@ static void rti_learn(rti_tuner *tuner, bool wide, float ticks)
     const float weight = tuner->trials < 8 ? 1 / (float)(tuner->trials + 1) : 0.125f;
     if (way == first) tuner->ticks = ticks > 0 ? ticks : 1;
     ticks = ticks < 4 * tuner->ticks ? ticks / tuner->ticks : 4;
-    tuner->cost[way] = tuner->cost[way] > 0 ? tuner->cost[way] + weight * (ticks - tuner->cost[way]) : ticks;
+    if (!(tuner->cost[way] > 0)) tuner->cost[way] = 1;     /* or few rays that happen to suit it would decide */
+    tuner->cost[way] += weight * (ticks - tuner->cost[way]);
     if (way == RTI_BY_CROWDS || (way == RTI_BY_SIMD && (!wide || tuner->cost[RTI_BY_SIMD] < 1.3f))) return;
     if (!tuner->trials++) memset(tuner->cost, 0, sizeof tuner->cost);
     tuner->next = first;
     tuner->rest = tuner->trials < 4 ? RTI_TRIALS / 16 : tuner->trials < 7 ? RTI_TRIALS / 4 : RTI_TRIALS;
 }
 
-/* Crowds, unless others are faster by more than chance: in a trial they find another tree in the caches than theirs. */
+/* Crowds, unless others are faster by more than chance. */
 RTI_INLINE int rti_fastest_way(const rti_tuner *tuner, bool wide)
 {
     const float simd = tuner->cost[RTI_BY_SIMD], ranged = tuner->cost[RTI_BY_RANGED], crowds = 0.85f * tuner->cost[RTI_BY_CROWDS];
@@ -13293,7 +13294,8 @@ RTI_NOINLINE RTI_TARGET void rti_batch_crowds(const rt_accel *accel, const rti_j
 
 /* RT_AUTO on a BVH: crowds, where there are wide nodes; but SIMD rays or Ranged with culling ([Overbeck] Table 1) are faster for spheres or
    triangles that lie on top of each other, and all there is without wide nodes. Which is fastest is found by trying: now and then a packet of
-   16 x 16 goes each way, by the clock, and the others as it was faster. Counts of nodes, boxes and triangles foretell the time within 40 %
+   16 x 16 goes each way, by the clock, and the others as it was faster; one more goes before it, or the way in use, whose tree is in the caches,
+   would look twice as fast as the others, whichever it is. Counts of nodes, boxes and triangles foretell the time within 40 %
    only, since coherence is in the branches too. Hits do not tell how they were found; rt_stats would, so with them, as without a clock, it is
    crowds, or else large packets for closest hits and SIMD rays for any. */
 RTI_NOINLINE RTI_TARGET void rti_batch_auto(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
@@ -13303,6 +13305,7 @@ RTI_NOINLINE RTI_TARGET void rti_batch_auto(const rt_accel *accel, const rti_job
     rti_tuner fresh, *tuner = job->tuner ? job->tuner : &fresh;
     rti_job part = *job;
     size_t first, last;
+    bool warm = false;
     memset(&fresh, 0, sizeof fresh);
     part.large = RT_BVH_RANGED;
     part.side = 16;
@@ -13313,6 +13316,7 @@ RTI_NOINLINE RTI_TARGET void rti_batch_auto(const rt_accel *accel, const rti_job
         const bool few = left < RTI_AUTO_RAYS / 4, trial = timed && !tuner->rest && !few;       /* few: they cannot stay together */
         int way = wide ? RTI_BY_CROWDS : job->query == RT_CLOSEST && !few ? RTI_BY_RANGED : RTI_BY_SIMD;
         uint64_t start = 0;
+        warm = trial && !warm && left >= 2 * RTI_AUTO_RAYS;            /* then the next packet is timed */
         if (trial) {
             way = tuner->next;
             start = rti_ticks();
@@ -13322,6 +13326,7 @@ RTI_NOINLINE RTI_TARGET void rti_batch_auto(const rt_accel *accel, const rti_job
         if (way == RTI_BY_CROWDS) rti_crowd_packets(accel, &part, rays, first, last, count, hits, packets);
         else if (way == RTI_BY_RANGED) rti_batch_packets(accel, &part, rays, first, last, count, hits, packets);
         else rti_batch_run(accel, &part, rays, first, last, hits);
+        if (warm) continue;
         if (trial) rti_learn(tuner, wide, (float)(rti_ticks() - start) / (float)(last - first));
         else if (timed && !few) tuner->rest -= (unsigned)((last - first + RTI_AUTO_RAYS - 1) / RTI_AUTO_RAYS);
     }
