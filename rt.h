@@ -109,11 +109,11 @@
        RT_ASSERT(x)         misuse by the programmer; default assert()
        RT_SELF              the name this file includes itself by; default "rt.h"
        RT_NO_SIMD           plain C only: 4-wide packets in scalar code; same hits, slower
-       macro        KB of code less, of 558 (gcc 12 -Os; make matrix)
-       RT_NO_BVH        252 leave out RT_BVH and its algorithms; rt_build_options.structure must then be set
+       macro        KB of code less, of 561 (gcc 12 -Os; make matrix)
+       RT_NO_BVH        254 leave out RT_BVH and its algorithms; rt_build_options.structure must then be set
        RT_NO_KDTREE      84 leave out RT_KDTREE and its algorithms
        RT_NO_THREADED    99 leave out RT_THREADED and its algorithms
-       RT_NO_PACKETS    406 leave out every form with packets, and RT_BVH_WIDE, which needs the same SIMD
+       RT_NO_PACKETS    408 leave out every form with packets, and RT_BVH_WIDE, which needs the same SIMD
        RT_NO_SPHERES     10 leave spheres out of rt_geometry and of the code,
        RT_NO_INSTANCES   56 instances, and motion with them,
        RT_NO_PLANES      10 planes and discs
