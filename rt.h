@@ -89,8 +89,8 @@
        opt->reference        vertices, indices and spheres; instances and planes are copied in any case
        infinite planes       not in an accel that is instanced; discs are
        motion                of instances; rt_trace and rt_trace_arrays with opt->times, rt_render_tile with lens.open and close. Others see time 0
-       instances             show accels of any structure, but see no_binary, whatever traces the outermost: inside another structure than its own an algorithm goes
-                             on as SIMD rays or single ones (kd.stack in k-d trees), with the same hits
+       instances             show accels of any structure, but see no_binary, whatever traces the outermost: inside another structure than its
+                             own an algorithm goes on as SIMD rays or single ones (kd.stack in k-d trees), with the same hits
        opt->bounds, orders, branching, throw_back     RT_THREADED; empty_bonus, max_duplication: RT_KDTREE
        opt->no_wide          leaves no RT_BVH_WIDE; opt->no_backtrack no RT_KD_BACKTRACK
        opt->no_binary        leaves only RT_BVH_WIDE and RT_AUTO; instances of it stand in accels built so too; rt_gpu_upload refuses it
@@ -1345,6 +1345,19 @@ static rti_box rti_wide_bounds(const rti_wide *wide)
         }
     return box;
 }
+
+/* Of all triangles. */
+static rti_box rti_octet_bounds(const rti_octet *octet)
+{
+    rti_box box = rti_empty_box;
+    int i, k;
+    for (k = 0; k < 9; k++)
+        for (i = 0; i < RTI_CHILDREN; i++) {
+            if (octet->v[k][i] < box.lo[k % 3]) box.lo[k % 3] = octet->v[k][i];
+            if (octet->v[k][i] > box.hi[k % 3]) box.hi[k % 3] = octet->v[k][i];
+        }
+    return box;
+}
 #endif
 
 RTI_INLINE int rti_leaf_kind(const rti_node *node) { return (int)(node->count >> RTI_KIND_SHIFT); }
@@ -1798,7 +1811,7 @@ static bool rti_threaded_validate(const rt_accel *accel);
 static bool rti_wide_validate(const rt_accel *accel)
 {
     size_t inner = 1, octets = 0, seen[RTI_KINDS] = { 0, 0, 0 }, w;
-    int i, j, k;
+    int i, k;
     for (w = 0; w < accel->wide_count; w++)
         for (i = 0; i < RTI_CHILDREN; i++) {
             const rti_wide *wide = &accel->wides[w];
@@ -1811,15 +1824,11 @@ static bool rti_wide_validate(const rt_accel *accel)
                 box = rti_wide_bounds(&accel->wides[index]);
                 inner++;
             } else if (kind == RTI_TRIANGLE && accel->octets) {
-                const rti_octet *octet = &accel->octets[index];
+                uint32_t j;
                 if (index >= accel->octet_count || count < 1 || count > RTI_CHILDREN) return false;
-                for (j = 0; j < RTI_CHILDREN; j++) {
-                    if (j >= (int)count && octet->prim[j] != octet->prim[0]) return false;
-                    for (k = 0; k < 9; k++) {
-                        if (octet->v[k][j] < box.lo[k % 3]) box.lo[k % 3] = octet->v[k][j];
-                        if (octet->v[k][j] > box.hi[k % 3]) box.hi[k % 3] = octet->v[k][j];
-                    }
-                }
+                for (j = count; j < RTI_CHILDREN; j++)
+                    if (accel->octets[index].prim[j] != accel->octets[index].prim[0]) return false;
+                box = rti_octet_bounds(&accel->octets[index]);
                 octets++;
             } else if (!count || (size_t)index + count > accel->slots[kind]) return false;
             for (k = 0; k < 3; k++)
@@ -5126,7 +5135,7 @@ RT_API void rt_free(rt_accel *accel)
 static void rti_refit_wide(rt_accel *accel, const rt_geometry *geo)
 {
     size_t w, b;
-    int i, k, lane;
+    int i, k;
     for (b = 0; accel->octets && b < accel->octet_count; b++) {
         rti_octet *octet = &accel->octets[b];
         for (i = 0; i < RTI_CHILDREN; i++) {
@@ -5138,20 +5147,13 @@ static void rti_refit_wide(rt_accel *accel, const rt_geometry *geo)
     for (w = accel->wide_count; w-- > 0;) {             /* children stand behind their parents */
         rti_wide *wide = &accel->wides[w];
         for (i = 0; i < RTI_CHILDREN; i++) {
-            rti_box box = rti_empty_box;
+            rti_box box;
             rti_node leaf;
             leaf.index = wide->index[i];
             leaf.count = wide->count[i];
             if (leaf.count == RTI_NO_CHILD) continue;
-            if (!leaf.count || (accel->octets && rti_leaf_kind(&leaf) == RTI_TRIANGLE))
-                for (k = 0; k < 3; k++)
-                    for (lane = 0; lane < (leaf.count ? 3 : 1) * RTI_CHILDREN; lane++) {        /* 8 boxes, or 3 vertices of 8 triangles */
-                        const int row = lane / RTI_CHILDREN, at = lane % RTI_CHILDREN;
-                        const float *lower = leaf.count ? accel->octets[leaf.index].v[3 * row + k] : accel->wides[leaf.index].bounds[k];
-                        const float *upper = leaf.count ? lower : accel->wides[leaf.index].bounds[3 + k];
-                        if (lower[at] < box.lo[k]) box.lo[k] = lower[at];
-                        if (upper[at] > box.hi[k]) box.hi[k] = upper[at];
-                    }
+            if (!leaf.count) box = rti_wide_bounds(&accel->wides[leaf.index]);
+            else if (accel->octets && rti_leaf_kind(&leaf) == RTI_TRIANGLE) box = rti_octet_bounds(&accel->octets[leaf.index]);
             else box = rti_leaf_box(accel, geo, &leaf);
             for (k = 0; k < 3; k++) {
                 wide->bounds[k][i] = box.lo[k];
@@ -6148,6 +6150,7 @@ static rt_status rti_check_options(const rt_trace_options *opt, rt_structure str
 {
     const unsigned lacks = ~parts & ((1u << RTI_PARTS) - 1);
     const rt_algorithm_info *info;
+    int read;
     if ((unsigned)opt->algorithm >= RT_ALGORITHM_COUNT)
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %d is none of rt_algorithm", (int)opt->algorithm);
     if ((unsigned)opt->cull >= RT_CULL_COUNT)
@@ -6164,10 +6167,10 @@ static rt_status rti_check_options(const rt_trace_options *opt, rt_structure str
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s is for a %s; this accel is a %s and takes: %s", info->name,
                         rti_structure_names[info->structure], rti_structure_names[structure], list);
     }
-    if (lacks >> rti_part_read(opt->algorithm) & 1)
+    read = rti_part_read(opt->algorithm);
+    if (lacks >> read & 1)
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "algorithm %s needs %s, which this accel was built without (%s); %s", info->name,
-                        rti_parts[rti_part_read(opt->algorithm)].name, rti_parts[rti_part_read(opt->algorithm)].option,
-                        rti_parts[rti_part_read(opt->algorithm)].others);
+                        rti_parts[read].name, rti_parts[read].option, rti_parts[read].others);
     if (opt->short_stack < 0 || opt->short_stack > RT_MAX_SHORT_STACK)
         return rti_fail(opt->error, RT_ERROR_ARGUMENT, RT_NONE, "short_stack is %d: it must be 0 (as 3) or between 1 and %d entries",
                         opt->short_stack, RT_MAX_SHORT_STACK);
@@ -13295,9 +13298,9 @@ RTI_NOINLINE RTI_TARGET void rti_batch_crowds(const rt_accel *accel, const rti_j
 /* RT_AUTO on a BVH: crowds, where there are wide nodes; but SIMD rays or Ranged with culling ([Overbeck] Table 1) are faster for spheres or
    triangles that lie on top of each other, and all there is without wide nodes. Which is fastest is found by trying: now and then a packet of
    16 x 16 goes each way, by the clock, and the others as it was faster; one more goes before it, or the way in use, whose tree is in the caches,
-   would look twice as fast as the others, whichever it is. Counts of nodes, boxes and triangles foretell the time within 40 %
-   only, since coherence is in the branches too. Hits do not tell how they were found; rt_stats would, so with them, as without a clock, it is
-   crowds, or else large packets for closest hits and SIMD rays for any. */
+   would look twice as fast as the others, whichever it is. Counts of nodes, boxes and triangles foretell the time within 40 % only, since
+   coherence is in the branches too. Hits do not tell how they were found; rt_stats would, so with them, as without a clock, it is crowds, or
+   else large packets for closest hits and SIMD rays for any. */
 RTI_NOINLINE RTI_TARGET void rti_batch_auto(const rt_accel *accel, const rti_job *job, const rt_ray *rays, size_t count, rt_hit *hits)
 {
     const bool timed = rti_ticks() && !job->stats, wide = accel->wides != NULL;
